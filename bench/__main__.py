@@ -132,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--smoke", action="store_true", help="everything once, as small as possible: does it still run?"
     )
-    parser.add_argument("--wire", type=Path, metavar="PAGE", help="write the part about the wire of this page anew")
+    parser.add_argument("--wire", type=Path, metavar="PAGE", help="add the part about the wire of this page anew")
     parser.add_argument("--write", type=Path, help="file for the page", default=None)
     return parser
 

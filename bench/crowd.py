@@ -61,7 +61,7 @@ def _crowd(declaration: Inventory, inventory: Path, size: int, silent: int, plac
         ran = measure.run_command(Command(argv, {"ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")}), place)
     unchanged = ran.output.count("no changes needed")
     good = ran.code == (ExitCode.FAILED if silent else ExitCode.DONE) and unchanged == size - silent
-    failure = "" if good else f"{size - unchanged} of {size} were not found as declared"
+    failure = "" if good else f"{size - unchanged} of {size} were not found as in the inventory"
     engine_s = json.loads(ran.output.splitlines()[-1])["engine_s"] if good else 0.0
     return Crowd(size, silent, ran.cost, engine_s, failure)
 

@@ -19,7 +19,7 @@ _MISSING_CHAINS = ("output", "forward", "to-satellite")
 _ALTERED: Mapping[tuple[str, str], Mapping[str, str]] = {
     ("input", "atlantis: what is dropped, a sample"): {"limit": "5/1m,5:packet"},
     ("output", "atlantis: satellite, allow-list"): {"out-interface": "ether2"},
-    ("forward", "atlantis: answers"): {"connection-state": "established,related"},
+    ("forward", "atlantis: responses"): {"connection-state": "established,related"},
     ("forward", "atlantis: LAN by the best link"): {"src-address": "10.64.9.0/24"},
     ("forward", "atlantis: our hosts to the VPN"): {"dst-address-list": "management"},
 }

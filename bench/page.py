@@ -37,7 +37,7 @@ both directions. All that speak the API use TLS and check the router's certifica
 what takes longer than ten seconds runs once. Where a link carries so many kbit/s, up and down, bytes are seconds as
 well: 352/704 is Iridium Certus. Who is ahead of us stands below each table.
 
-An emulated router answers at once. A real one takes its own time for each command, the same for everybody.
+An emulated router responds at once. A real one takes its own time for each command, the same for everybody.
 """
 
 
@@ -183,7 +183,7 @@ def _crowd(crowds: Sequence[Crowd]) -> Iterator[str]:
 
 
 _KEPT = """\
-`provision report runs` and `provision recover resume`, start included, where nothing is unfinished. Each earlier run
+`provision report runs` and `provision recover resume`, start included, where no unfinished runs. Each earlier run
 has changed one router; the latest ten stay in reach, older ones are put aside. A test counts the journals that are
 opened.
 """

@@ -115,7 +115,7 @@ def read(path: Path) -> Lines:
             return Lines(tuple(records), good, last, tail_error=text if tail else "", damage="" if tail else text)
         records.append(record)
         good, last = good + len(line) + 1, hashlib.sha256(line).hexdigest()
-    tail_error = f"line {len(lines) + 1} is torn: the program was killed while it wrote it" if rest else ""
+    tail_error = f"line {len(lines) + 1} is incomplete: the program was killed while writing it" if rest else ""
     return Lines(tuple(records), good, last, tail_error=tail_error)
 
 
@@ -127,7 +127,7 @@ def _record(line: bytes, before: str) -> ChecklistEntry | str:
         record = _RECORDS.validate_python(data)
     except (ValueError, ValidationError, KeyError, TypeError, AttributeError):
         return "cannot be read"
-    return ChecklistEntry(at, record) if follows == before else "does not follow the line above"
+    return ChecklistEntry(at, record) if follows == before else "does not follow from the line above"
 
 
 def rebuild_document(lines: Lines) -> Document | None:
@@ -186,7 +186,7 @@ _MAX_PIXELS = 120_000_000
 """Limit for a picture; phones have up to 108 million."""
 _SAVE_OPTIONS: dict[str, dict[str, Any]] = {"JPEG": {"quality": 90}, "WEBP": {"lossless": True}}
 """Encoder options that replace defaults of the encoder."""
-_AS_JPEG = "give it as JPEG or PNG: a telephone has that in its settings, and every viewer exports it"
+_AS_JPEG = "use JPEG or PNG: telephones have a setting for that, and every viewer can export it"
 _HASH_DIGITS = 12
 _NAME_LENGTH = 80
 
@@ -206,15 +206,18 @@ def evidence_problem(path: Path) -> tuple[str, str] | None:
     try:
         status = path.lstat()
     except OSError:
-        return f"there is no file `{path}`", "give the path of a photo or file, from here or from the file of answers"
+        return (
+            f"file `{path}` does not exist",
+            "give the path of a photo or file, relative to this folder or to the answers file",
+        )
     if stat.S_ISLNK(status.st_mode):
-        return f"`{path}` is a symbolic link, and links are not followed", "give the photo or file itself"
+        return f"`{path}` is a symbolic link, which is not followed", "give the photo or file itself"
     if not stat.S_ISREG(status.st_mode):
-        return f"`{path}` is no file", "give a photo or file, not a folder"
+        return f"`{path}` is not a file", "give a photo or file, not a folder"
     if status.st_size > MAX_BYTES:
-        size = f"{status.st_size / 1e6:.0f} MB; {MAX_BYTES // 1_000_000} MB are the most"
-        return f"`{path}` has {size}", "make it smaller, or give a part of it"
-    return None if status.st_size else (f"`{path}` is empty", "give a file with something in it")
+        size = f"{status.st_size / 1000000.0:.0f} MB; the maximum is {MAX_BYTES // 1000000} MB"
+        return f"`{path}` has {size}", "make it smaller, or use a part of it"
+    return None if status.st_size else (f"`{path}` is empty", "use a file that is not empty")
 
 
 def is_picture(path: Path) -> bool:
@@ -245,7 +248,7 @@ def _read_evidence(path: Path) -> bytes:
             f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions"
         ) from error
     if len(data) > MAX_BYTES:
-        raise _signing.ChecklistUsageError(f"`{path}` grows while it is read", hint="give it when it is whole")
+        raise _signing.ChecklistUsageError(f"`{path}` grows while it is being read", hint="use it when it is complete")
     return data
 
 
@@ -256,7 +259,7 @@ def _picture(path: Path, data: bytes) -> bytes:
         return data
     if kind not in _READ:
         raise _signing.ChecklistUsageError(
-            f"`{path}` is a picture of kind {kind}, whose position cannot be taken out here", hint=_AS_JPEG
+            f"`{path}` is a picture of type {kind}, whose position cannot be removed here", hint=_AS_JPEG
         )
     from PIL import Image, ImageOps  # noqa: PLC0415 - most commands see no photo
 
@@ -268,11 +271,11 @@ def _picture(path: Path, data: bytes) -> bytes:
                 picture = _encode(ImageOps.exif_transpose(image), kind) if pixels <= _MAX_PIXELS else b""
     except Exception as error:  # Pillow raises all sorts for damaged files
         raise _signing.ChecklistUsageError(
-            f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG
+            f"`{path}` is a damaged picture of type {kind}: {error}", hint=_AS_JPEG
         ) from error
     if not picture:
         raise _signing.ChecklistUsageError(
-            f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller"
+            f"`{path}` has {pixels} pixels; the maximum is {_MAX_PIXELS}", hint="make it smaller"
         )
     return picture
 

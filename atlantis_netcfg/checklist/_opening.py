@@ -68,15 +68,15 @@ def find_open_book(
         if lines.damage:
             words = words or f"the checklist {run.name} is damaged ({lines.damage})"
             continue
-        if why := "it was to be begun anew" if anew else _other(document, head):
+        if why := "a new start was requested" if anew else _other(document, head):
             with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
                 ledger.write(_ledger.SupersedeResultRecord(why=why))
-            return FoundBook(None, f"the checklist {run.name} stays unfinished, and a new one is begun: {why}")
+            return FoundBook(None, f"the checklist {run.name} stays unfinished, and a new one is started: {why}")
         _record_reopening(run, document, checklist, head, now)
-        tail_note = f"; {lines.tail_error}, and what it said is asked again" if lines.tail_error else ""
-        gone_on = f"the checklist {run.name} is gone on with{tail_note}{_old(now() - document.started)}"
+        tail_note = f"; {lines.tail_error}, and its content is asked again" if lines.tail_error else ""
+        gone_on = f"the checklist {run.name} is continued{tail_note}{_old(now() - document.started)}"
         return FoundBook(run, f"{words}; {gone_on}" if words else gone_on)
-    return FoundBook(None, f"{words}: a new one is begun" if words else "")
+    return FoundBook(None, f"{words}: a new one is started" if words else "")
 
 
 def _is_other_checklist(document: Document, checklist: Checklist) -> bool:
@@ -88,7 +88,7 @@ def _old(age: timedelta) -> str:
     if age < _SAME_DAY:
         return ""
     ago = f"{age.days} days" if age.days > 1 else "a day"
-    return f"; it was begun {ago} ago, and what was seen then stands: `--anew` looks at all of it again"
+    return f"; it was started {ago} ago, and its results stand: `--anew` checks everything again"
 
 
 def _is_closed(run: Path, lines: _ledger.Lines) -> bool:
@@ -100,11 +100,11 @@ def _is_closed(run: Path, lines: _ledger.Lines) -> bool:
 def _other(document: Document, head: BookHead) -> str:
     """Return why a checklist does not belong to this list; empty if it does."""
     if document.inventory != head.inventory:
-        return "the inventory has changed since"
+        return "the inventory has changed since then"
     if document.tool != head.tool:
-        return f"it was begun with version {document.tool} of this toolkit, this is {head.tool}"
+        return f"it was started with version {document.tool} of this toolkit, this is {head.tool}"
     if (document.rehearsed, document.broken) != (head.is_rehearsal, head.broken):
-        return "other things are broken on purpose now"
+        return "the deliberate faults are different now"
     return ""
 
 

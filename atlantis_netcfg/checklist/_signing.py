@@ -62,12 +62,12 @@ def parse_json(data: bytes) -> Any:  # noqa: ANN401 - what JSON holds
 def _reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) != len(pairs):
-        raise ValueError("a key stands twice")
+        raise ValueError("a key is defined twice")
     return result
 
 
 def _reject_constant(word: str) -> NoReturn:
-    raise ValueError(f"{word} is no number")
+    raise ValueError(f"{word} is not a number")
 
 
 class ChecklistUsageError(errors.UsageError):
@@ -104,11 +104,11 @@ class SigningKey:
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise SigningKeyError(f"the key for signing cannot be read: {error.strerror} ({path})") from error
+            raise SigningKeyError(f"the signing key cannot be read: {error.strerror} ({path})") from error
         if mode & _OTHERS:
             raise SigningKeyError(
-                f"other users of this computer can read the key for signing ({path})",
-                hint=f"chmod 600 {path}; where others do work here, remove it instead: a new one is made",
+                f"other users of this computer can read the signing key ({path})",
+                hint=f"chmod 600 {path}; if others work on this computer, remove the key instead: a new one is created",
             )
         return cls(_parse_private_key(data, path))
 
@@ -118,12 +118,12 @@ class SigningKey:
         if (key := cls.load(path)) is not None:
             return key
         pem = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-        with runs.os_errors_as("the key for signing", path):
+        with runs.os_errors_as("the signing key", path):
             runs.make_private(path.parent)
             with suppress(FileExistsError):  # the other one was first
                 runs.write_atomically(path, pem, replace=False)
         key = cls.load(path)
-        assert key is not None, "it was just made"  # noqa: S101
+        assert key is not None, "it was just created"  # noqa: S101
         return key
 
     @property
@@ -161,8 +161,11 @@ def _parse_private_key(data: bytes, path: Path) -> Ed25519PrivateKey:
     except (ValueError, TypeError, UnsupportedAlgorithm):
         key = None
     if not isinstance(key, Ed25519PrivateKey):
-        hint = "restore it from a copy, or move it away: a new one is made, and what the old one signed becomes unknown"
-        raise SigningKeyError(f"the key for signing cannot be read ({path})", hint=hint)
+        hint = (
+            "restore it from a copy, or move it away: a new one is created, and signatures of the old one become "
+            "unknown"
+        )
+        raise SigningKeyError(f"the signing key cannot be read ({path})", hint=hint)
     return key
 
 
@@ -174,7 +177,7 @@ def _raw(text: str) -> bytes:
     """Decode canonical base64, in which data have exactly one encoding. Raises ValueError."""
     data = base64.b64decode(text, validate=True)
     if _encode_base64(data) != text:
-        raise ValueError("not as it is written")
+        raise ValueError("not canonical base64")
     return data
 
 
@@ -229,25 +232,24 @@ def broken_seal(
     rest = {name: value for name, value in data.items() if name != "signature"}
     public, signature = str(data.get("public", "")), str(data.get("signature", ""))
     if not verify_signature(public, signature, canonical(rest)):
-        yield "the signature does not fit what stands there", "do not rely on it; ask whoever signed for the original"
+        yield "the signature does not match the content", "do not rely on it; ask the signer for the original"
         return
     if fingerprint(public) != data.get("key"):
-        yield "the fingerprint is not that of the key which has signed", "do not rely on it"
+        yield "the fingerprint is not the one of the key that signed", "do not rely on it"
     elif data["key"] not in trusted_keys:
         yield (
-            f"the key {data['key']} has signed it, and another one was asked for"
+            f"it is signed with key {data['key']}, but another key was requested"
             if is_explicit
-            else f"this computer does not know the key {data['key']} that has signed it",
-            "compare the fingerprint with whoever signed, by telephone or on paper, never with the file itself",
+            else f"it is signed with key {data['key']}, which is unknown on this computer",
+            "compare the fingerprint with the signer by telephone or on paper, never with the file itself",
         )
 
 
 def _continue_hint(document: dict[str, Any]) -> str:
     rehearse_option = " --rehearse" if document["rehearsed"] else ""
     return (
-        f"nobody vouches for it: `provision check site={document['site']}{rehearse_option}` goes on with it, "
-        "on the computer "
-        "on which it was made"
+        f"nobody has signed it: `provision check site={document['site']}{rehearse_option}` continues it, on the "
+        "computer on which it was made"
     )
 
 
@@ -258,9 +260,7 @@ def check_report(data: bytes, trusted_keys: Collection[str], *, is_explicit: boo
         same = render_json(document) == data
         Document.model_validate(document)
     except ValueError:
-        yield SigningTrouble(
-            REPORT, "is no report of a checklist, or is damaged", "ask whoever signed for the original"
-        )
+        yield SigningTrouble(REPORT, "is not a checklist report, or is damaged", "ask the signer for the original")
         return
     block = document.get("signed")
     if block is None:
@@ -270,7 +270,7 @@ def check_report(data: bytes, trusted_keys: Collection[str], *, is_explicit: boo
         yield SigningTrouble(REPORT, "was changed after it was signed", "do not rely on it; ask for the original")
     elif not same:
         yield SigningTrouble(
-            REPORT, "says what was signed, but not byte for byte as it was written", "ask for the original"
+            REPORT, "has the signed content, but is not byte for byte as it was written", "ask for the original"
         )
     for what, hint in broken_seal(block, trusted_keys, is_explicit=is_explicit):
         yield SigningTrouble(REPORT, what, hint)

@@ -117,7 +117,7 @@ class Answers:
     @classmethod
     def read(cls, path: Path, checklist: Checklist) -> Self:
         """Read an answer file for a list. Raises UsageError, or AnswersInvalid with all errors of the file."""
-        block = yaml_file.read(path, _EvidenceFile, "the file of answers")
+        block = yaml_file.read(path, _EvidenceFile, "the answers file")
         answers = cls(*_collect_answers(block.value, checklist, path.parent)) if block.value is not None else None
         findings = (*block.findings, *_CheckAnswer(block, checklist, path.parent, answers).findings())
         if findings or answers is None:
@@ -144,7 +144,7 @@ class Answers:
             if name in needed_overrides:
                 on_settle(book.override(name, overriding.reason, overriding.by))
         spare = [name for name in self.overrides if name not in needed_overrides]
-        return tuple(f"`{name}` is {book.item(name).verdict}: its override is not needed" for name in spare)
+        return tuple(f"`{name}` is {book.item(name).verdict}: the override is not needed" for name in spare)
 
 
 def _collect_answers(
@@ -222,7 +222,7 @@ class _CheckAnswer:
         item = self._items.get(name)
         if item is None:
             hint = yaml_file.suggest(name, self._items, none="the checklist is empty")
-            yield self._block.wrong_key((part, name), f"there is no item `{name}` in this checklist", hint)
+            yield self._block.wrong_key((part, name), f"this checklist has no item `{name}`", hint)
         elif not item.open:
             yield self._block.wrong_key((part, name), f"`{name}` does not apply: {item.message}", "remove it")
         elif (wrong := fits(item)) is not None:
@@ -234,7 +234,7 @@ class _CheckAnswer:
         yield from self._check_person(path)
         verdict = keys["verdict"].value if "verdict" in keys else None
         if "note" not in keys and isinstance(verdict, str) and verdict in set(SAYABLE) - {Verdict.PASS}:
-            yield self._block.wrong((*path, "verdict"), f"{verdict} needs words", "add `note:` with what was seen")
+            yield self._block.wrong((*path, "verdict"), f"{verdict} needs a note", "add `note:` with what was observed")
         item = self._items.get(name)
         if verdict == Verdict.SKIP and item is not None and (wrong := unskippable(item)) is not None:
             yield self._block.wrong((*path, "verdict"), *wrong)
@@ -269,29 +269,32 @@ class _CheckAnswer:
         node = self._block.root.at(*path)
         if isinstance(node.value, dict) and "by" not in node.keys and "name" not in self._keys:
             yield self._block.wrong_key(
-                path, f"nobody stands for `{path[1]}`", "add `by:` here, or `name:` to the file"
+                path, f"`{path[1]}` has no name of a person", "add `by:` here, or `name:` to the file"
             )
 
     def _find_duplicates(self, part: str, others: tuple[str, ...]) -> Iterator[Finding]:
         for name in self._names(part):
             for other in others:
                 if name in self._names(other):
-                    message = f"`{name}` stands below `{other}` as well"
-                    yield self._block.wrong_key((part, name), message, "remove it here or there")
+                    message = f"`{name}` is also listed under `{other}`"
+                    yield self._block.wrong_key((part, name), message, "remove it from one of them")
 
     def _require_name(self) -> Iterator[Finding]:
         if "name" in self._keys:
             return
         sign = self._keys.get("sign")
         if sign is not None and sign.value is True:
-            yield self._block.wrong(("sign",), "nobody signs", "add `name:` to the file")
+            yield self._block.wrong(("sign",), "the signature has no name", "add `name:` to the file")
         if self._names("consents"):
-            yield self._block.wrong_key(("consents",), "nobody consents", "add `name:` to the file")
+            yield self._block.wrong_key(("consents",), "the consent has no name", "add `name:` to the file")
 
 
 def _answer_problem(item: Item) -> tuple[str, str] | None:
     if item.kind is ItemKind.AUTOMATIC:
-        return f"`{item.id}` is looked at by the tool: nobody can answer it", "remove it, or write it below `overrides`"
+        return (
+            f"`{item.id}` is checked by the toolkit: a person cannot answer it",
+            "remove it, or put it under `overrides`",
+        )
     return None
 
 
@@ -299,7 +302,7 @@ def _consent_problem(item: Item) -> tuple[str, str] | None:
     if item.kind is not ItemKind.ACTIVE:
         return (
             f"`{item.id}` needs no consent",
-            "write it below `answers`" if item.kind is ItemKind.PERSON else "remove it",
+            "put it under `answers`" if item.kind is ItemKind.PERSON else "remove it",
         )
     return None
 

@@ -30,16 +30,16 @@ SAYABLE: Mapping[Verdict, str] = {
 }
 """Verdicts that a person can give -> code of the finding; ERROR is for programs."""
 _STATEMENTS = {
-    Verdict.PASS: "{by} has seen that it is well",
+    Verdict.PASS: "{by} has seen that it is in order",
     Verdict.WARN: "{by} has seen that it works, but",
-    Verdict.FAIL: "{by} has seen that it is not well",
+    Verdict.FAIL: "{by} has seen that it is not in order",
     Verdict.INCONCLUSIVE: "{by} could not tell",
     Verdict.SKIP: "{by} says that it does not apply",
 }
 _HINTS = {
-    Verdict.WARN: "decide whether the test can live with it",
-    Verdict.FAIL: "mend it and answer again, or override it with a reason",
-    Verdict.INCONCLUSIVE: "look again when it can be seen, or override it with a reason",
+    Verdict.WARN: "decide whether the test can continue in spite of it",
+    Verdict.FAIL: "fix it and answer again, or override it with a reason",
+    Verdict.INCONCLUSIVE: "check again when it can be seen, or override it with a reason",
 }
 _ALWAYS = frozenset({"vpn", "data-reaches-scc", "dds"})
 """Site checks that apply everywhere: they cannot be skipped to make the checklist green."""
@@ -66,7 +66,7 @@ def refused_person(by: str, people: Sequence[str], what: str) -> tuple[str, str]
     """Return why `by` may not answer, override or sign, and who may; None if allowed. `people` empty: anybody may."""
     if not people or _same(by) in map(_same, people):
         return None
-    return f"{by} may not {what}: the declaration names others", f"it takes the word of: {', '.join(people)}"
+    return f"{by} may not {what}: the inventory names others", f"it must be one of: {', '.join(people)}"
 
 
 def _same(name: str) -> str:
@@ -83,11 +83,11 @@ def missing_evidence(request: base.EvidenceRequest, confirmation: Confirmation) 
     """Return the evidence missing from an answer, and what to do; None if complete. PASS and WARN need evidence."""
     value, words, missing = confirmation.value, request.words, False
     if value is not None and request.kind is not EvidenceKind.NUMBER:
-        return "no number is asked for here", "remove the number"
+        return "this item takes no number", "remove the number"
     if confirmation.verdict not in {Verdict.PASS, Verdict.WARN}:
         return None
     if value is not None and request.outside(value):
-        return f"{value:g} {request.unit} does not pass: {words} is asked for", "measure again, or answer FAIL"
+        return f"{value:g} {request.unit} does not pass: required is {words}", "measure again, or answer FAIL"
     match request.kind:
         case EvidenceKind.NUMBER:
             missing = value is None
@@ -95,12 +95,12 @@ def missing_evidence(request: base.EvidenceRequest, confirmation: Confirmation) 
             missing = not confirmation.note.strip()
         case EvidenceKind.PHOTO:
             missing = not any(map(is_photo, confirmation.files))
-    return (f"{words} is asked for", _GIVE[request.kind]) if missing else None
+    return (f"required: {words}", _GIVE[request.kind]) if missing else None
 
 
 _GIVE = {
-    EvidenceKind.NUMBER: "read it, and give it as `value`",
-    EvidenceKind.TEXT: "write it as the note",
+    EvidenceKind.NUMBER: "read it, and enter it as `value`",
+    EvidenceKind.TEXT: "write it in the note",
     EvidenceKind.PHOTO: "give the path of a JPEG or PNG",
 }
 
@@ -109,10 +109,10 @@ def clean_text(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
     """Return a person's text as one line. Raises ChecklistUsageError if it is empty, too long or not printable."""
     line = " ".join(text.split())
     if not line:
-        raise ChecklistUsageError(f"{what} is missing", hint="it stands in the report: somebody vouches for it")
+        raise ChecklistUsageError(f"{what} is missing", hint="it appears in the report in a person's name")
     if len(line) > most or not line.isprintable():
         raise ChecklistUsageError(
-            f"{what} is too long, or holds control characters", hint=f"write at most {most} plain characters"
+            f"{what} is too long, or contains control characters", hint=f"use at most {most} printable characters"
         )
     return line
 
@@ -121,7 +121,7 @@ def unskippable(item: report.Item) -> tuple[str, str] | None:
     """Return why an item cannot be skipped, and what to do instead; None if it can."""
     if item.endpoint != "site" or item.id.rpartition("/")[2] not in _ALWAYS:
         return None
-    hint = "answer what was seen, or INCONCLUSIVE (`unclear`) and override it with a reason"
+    hint = "answer what was observed, or INCONCLUSIVE (`unclear`) and override it with a reason"
     return f"`{item.id}` applies at every site: it cannot be skipped", hint
 
 
@@ -133,11 +133,11 @@ def clean_name(name: str) -> str:
 def _require_sayable(item: report.Item, verdict: Verdict) -> None:
     """Raise ChecklistUsageError if a person cannot give this verdict for the item."""
     if item.kind is report.ItemKind.AUTOMATIC:
-        hint = "let it be looked at again, or override it with a reason"
-        raise ChecklistUsageError(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
+        hint = "have it checked again, or override it with a reason"
+        raise ChecklistUsageError(f"`{item.id}` is checked by the toolkit: a person cannot answer it", hint=hint)
     if verdict not in SAYABLE:
         words = ", ".join(SAYABLE)
-        raise ChecklistUsageError(f"{verdict} is nothing that a person can say", hint=f"there are: {words}")
+        raise ChecklistUsageError(f"a person cannot give the verdict {verdict}", hint=f"choose one of: {words}")
     if verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
         raise ChecklistUsageError(wrong[0], hint=wrong[1])
 
@@ -192,7 +192,7 @@ def confirm_item(
                     by=by,
                 ),
                 *(
-                    [base.declared_evidence("asked for", request.words)]
+                    [base.declared_evidence("requirement", request.words)]
                     if request.words and item.endpoint == base.ITEMS
                     else []
                 ),
@@ -272,9 +272,9 @@ def override_item(item: report.Item, reason: str, by: str, at: datetime, people:
     if (wrong := refused_person(by, people, "override it")) is not None:
         raise ChecklistUsageError(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
     if item.verdict not in OVERRIDABLE:
-        hint = f"only {', '.join(OVERRIDABLE)} can be overridden; answer it again if it is otherwise"
+        hint = f"only {', '.join(OVERRIDABLE)} can be overridden; if the state has changed, answer it again"
         raise ChecklistUsageError(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
-    override = report.Override(reason=clean_text(reason, "the reason of an override"), by=clean_name(by), at=at)
+    override = report.Override(reason=clean_text(reason, "the reason for the override"), by=clean_name(by), at=at)
     return item.model_copy(update={"override": override, "evidence": _with_override(item, override)})
 
 

@@ -167,5 +167,5 @@ def _find_removed_items(
     for name, item in before.items():
         if name not in after:
             yield report.ItemChange(
-                id=name, before=item.verdict, after=None, message=f"is no longer checked: {item.title}"
+                id=name, before=item.verdict, after=None, message=f"no longer checked: {item.title}"
             )

@@ -118,7 +118,7 @@ def _refuse_unknown(inventory: Inventory, site: str, scope: Scope) -> None:
         if vehicle not in inventory.vehicles:
             raise _unknown_name_error("vehicle", vehicle, inventory.vehicles)
         if here is not None and vehicle not in here:
-            hint = f"its vehicles are: {', '.join(here) or 'none'}; `checklist.vehicles` of the site says so"
+            hint = f"its vehicles are: {', '.join(here) or 'none'}; they are set in `checklist.vehicles` of the site"
             raise errors.NoMatchError(f"`{vehicle}` is not tested at {site}", hint=hint)
     for endpoint in scope.endpoints:
         if endpoint not in registry.TITLES:
@@ -135,34 +135,34 @@ def _refuse_mixed(inventory: Inventory, site: str, scope: Scope) -> None:
     if scope.alone is report.Phase.INTEGRATION and len(scope.vehicles) != 1:
         every = scope.vehicles or [key for key in inventory.vehicles if here is None or key in here] or ["NAME"]
         hint = f"name it: `provision check site={site} vehicle={every[0]} phase=integration`"
-        raise errors.UsageError("an integration record is of one robot", hint=hint)
+        raise errors.UsageError("an integration record is for one robot", hint=hint)
     if scope.alone and len(scope.phases) > 1:
-        hint = f"`provision check site={site} phase=recovery` alone, when the vehicles are back"
+        hint = f"`provision check site={site} phase=recovery` on its own, when the vehicles are back"
         if scope.alone is report.Phase.INTEGRATION:
-            hint = f"`provision check site={site} vehicle={scope.vehicles[0]} phase=integration` alone"
-        raise errors.UsageError(f"the items of {scope.alone} are a checklist of their own", hint=hint)
+            hint = f"`provision check site={site} vehicle={scope.vehicles[0]} phase=integration` on its own"
+        raise errors.UsageError(f"the items of {scope.alone} are a separate checklist", hint=hint)
 
 
 def _unknown_name_error(what: str, word: str, names: Iterable[str]) -> errors.NoMatchError:
     every = list(names)
     near = errors.nearest(word, every)
-    choices = f"there are: {', '.join(every) or 'none'}"
+    choices = f"choose one of: {', '.join(every) or 'none'}"
     return errors.NoMatchError(
-        f"there is no {what} `{word}`", hint=f"did you mean `{near}`? {choices}" if near else choices
+        f"unknown {what} `{word}`", hint=f"did you mean `{near}`? {choices}" if near else choices
     )
 
 
 def _empty_scope_error(site: str, scope: Scope) -> errors.NoMatchError:
     if scope.alone is report.Phase.INTEGRATION:
-        hint = f"put its file into robots/{scope.vehicles[0]}.yml of the inventory: docs/robots.md says how"
+        hint = f"create its file robots/{scope.vehicles[0]}.yml in the inventory: see docs/robots.md"
         return errors.NoMatchError(
-            f"`{scope.vehicles[0]}` has no robot's file, and so no integration record", hint=hint
+            f"`{scope.vehicles[0]}` has no robot file, so it has no integration record", hint=hint
         )
     if scope.alone:
-        hint = "declare them below `checklist: items:` with `phase: recovery` (docs/checklist.md)"
-        return errors.NoMatchError(f"no such item of recovery is declared at {site}", hint=hint)
-    hint = f"leave out a word: `provision check site={site}` lists all"
-    return errors.NoMatchError("nothing is left of the checklist", hint=hint)
+        hint = "add them under `checklist: items:` with `phase: recovery` (docs/checklist.md)"
+        return errors.NoMatchError(f"{site} has no such recovery item in the inventory", hint=hint)
+    hint = f"remove an argument: `provision check site={site}` lists all items"
+    return errors.NoMatchError("no item of the checklist is left", hint=hint)
 
 
 def _rows(every: Iterable[report.Row], entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.Row]:
@@ -253,7 +253,7 @@ def _join_names(names: Sequence[str]) -> str:
 
 
 _OPEN = {
-    report.ItemKind.AUTOMATIC: "not looked at yet",
+    report.ItemKind.AUTOMATIC: "not checked yet",
     report.ItemKind.ACTIVE: "waits for a person's consent",
     report.ItemKind.PERSON: "waits for a person",
 }
@@ -275,7 +275,7 @@ def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.Lef
         (entry.cell.name, registry.TITLES[entry.item.endpoint]) for entry in entries if not _is_in_scope(entry, scope)
     )
     for name, title in away:
-        yield report.LeftOut(what=f"{name}: {title}", why=f"left out by `{words}`")
+        yield report.LeftOut(what=f"{name}: {title}", why=f"excluded by `{words}`")
 
 
 def _notes(inventory: Inventory, site: str) -> Iterator[str]:
@@ -283,11 +283,13 @@ def _notes(inventory: Inventory, site: str) -> Iterator[str]:
     reserved_keys = {row.name for row in inventory.sites[site].lan.reservations}
     robots = {key: vehicle for key, vehicle in inventory.vehicles.items() if key in reserved_keys}
     if len({vehicle.partner or f"unknown: {key}" for key, vehicle in robots.items()}) > 1:
-        names = ", ".join(f"{robot.name} ({robot.partner or 'partner not declared'})" for robot in robots.values())
+        names = ", ".join(
+            f"{robot.name} ({robot.partner or 'partner not in the inventory'})" for robot in robots.values()
+        )
         yield (
-            f"neighbours in the LAN of {site} reach each other, whatever the policy says: what goes from port to port"
-            f" of one switch, or through one access point, passes no filter. Robots with an address there: {names}."
-            " One that has to be kept from the others is not plugged in, and comes by the VPN alone"
+            f"neighbours in the LAN of {site} reach each other, whatever the policy says: traffic between ports of "
+            f"one switch, or through one access point, passes no filter. Robots with an address there: {names}. Do "
+            "not plug in a robot that must be kept from the others: connect it over the VPN only"
         )
 
 
@@ -295,7 +297,7 @@ def _notes_of_robots(rows: Iterable[report.Row]) -> Iterator[str]:
     """Yield a note about robots without a file that lists what they should publish."""
     names = [row.name for row in rows if row.kind != "location" and probes.ROBOT not in row.beside]
     if names:
-        yield f"not looked at, for there is no file of theirs below robots/: what {', '.join(names)} publish"
+        yield f"not checked, because they have no file in robots/: what {', '.join(names)} publish"
 
 
 def _notes_of_guests(inventory: Inventory, rows: Iterable[report.Row]) -> Iterator[str]:
@@ -305,7 +307,7 @@ def _notes_of_guests(inventory: Inventory, rows: Iterable[report.Row]) -> Iterat
         if vehicle is not None and vehicle.guest:
             partner = inventory.partners[vehicle.partner or ""].full_name
             until = f" until {vehicle.until}" if isinstance(vehicle, model.Guest) else ""
-            yield f"{row.name} is a guest of {partner}{until}, and no robot of the report's Table 3"
+            yield f"{row.name} is a guest of {partner}{until}, not a robot of the report's Table 3"
 
 
 def _notes_of_items(inventory: Inventory, site: str, scope: Scope, every: Iterable[PlanEntry]) -> Iterator[str]:
@@ -314,9 +316,9 @@ def _notes_of_items(inventory: Inventory, site: str, scope: Scope, every: Iterab
     other = [mission.name for mission in missions if any(scope.has(item) for item in mission.items)]
     selected_mission = next((mission for mission in missions if mission.name == scope.mission), None)
     if selected_mission is not None:
-        yield f"with the items of the mission {selected_mission.name}: {selected_mission.title}"
+        yield f"with the items of mission {selected_mission.name}: {selected_mission.title}"
     elif other:
-        yield f"no mission was named; with `mission=NAME` its items are asked too: {', '.join(other)}"
+        yield f"no mission given; `mission=NAME` adds the items of a mission: {', '.join(other)}"
     later = [entry for entry in every if entry.item.phase is report.Phase.RECOVERY]
     later = [entry for entry in later if not scope.vehicles or entry.item.vehicle in scope.vehicles]
     if later and not scope.alone:
@@ -324,8 +326,8 @@ def _notes_of_items(inventory: Inventory, site: str, scope: Scope, every: Iterab
         vehicles = f" vehicle={','.join(scope.vehicles)}" if scope.vehicles else ""
         mission = f"{vehicles} mission={scope.mission}" if scope.mission else vehicles
         yield (
-            f"{words} still to come, in a list of its own, when the vehicles are back:"
-            f" `provision check site={site}{mission} phase=recovery`"
+            f"{words} still to come, in a separate checklist, when the vehicles are back: `provision check "
+            f"site={site}{mission} phase=recovery`"
         )
 
 

@@ -49,7 +49,7 @@ class ChecklistSession:
         self._ledger = _ledger.ChecklistLog(folder / _ledger.FILE, now)
         lines = _ledger.read(folder / _ledger.FILE)
         document = _ledger.rebuild_document(lines)
-        assert document is not None, "it was begun"  # noqa: S101
+        assert document is not None, "it was started"  # noqa: S101
         self._document = document
         self._items = {item.id: item for item in self._document.items}
         self._green = last_green(folder.parent, self._document.scope, but=folder.name)
@@ -99,8 +99,8 @@ class ChecklistSession:
         """Return one item by its id. Raises ChecklistUsageError."""
         if name not in self._items:
             near = nearest(name, self._items)
-            hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` shows every id"
-            raise _signing.ChecklistUsageError(f"there is no item `{name}` in this checklist", hint=hint)
+            hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` lists all ids"
+            raise _signing.ChecklistUsageError(f"this checklist has no item `{name}`", hint=hint)
         return self._items[name]
 
     def settle(self, item: report.Item) -> report.Item:
@@ -173,9 +173,9 @@ class ChecklistSession:
         if rest:
             raise _signing.SigningError(
                 f"{len(rest)} of {len(self.items)} items are open: {_join_few(rest)}",
-                hint="settle them, override them with a reason, or leave them open on purpose with a reason",
+                hint="resolve them, override them with a reason, or leave them open on purpose with a reason",
             )
-        reasons = {name: confirmations.clean_text(leave[name], "the reason to leave it open") for name in waiting}
+        reasons = {name: confirmations.clean_text(leave[name], "the reason for leaving it open") for name in waiting}
         return tuple(report.LeftOut(what=f"{name}: {waiting[name].title}", why=why) for name, why in reasons.items())
 
     def _record(self, how: Literal["settled", "confirmed", "overridden"], item: report.Item) -> report.Item:
@@ -186,9 +186,7 @@ class ChecklistSession:
 
     def _refuse_signed(self) -> None:
         if self._document.signed is not None:
-            raise _signing.ChecklistUsageError(
-                "this checklist is signed: nothing is added to it", hint="begin a new one"
-            )
+            raise _signing.ChecklistUsageError("this checklist is signed: nothing can be added", hint="start a new one")
 
 
 def _join_few(names: list[str]) -> str:

@@ -50,7 +50,7 @@ def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key
     """Write everything that is signed. Raises SigningError for an unknown file in the folder, JournalError."""
     wrong = [name for name in pages if not _PAGE.fullmatch(name) or name in {REPORT, MANIFEST, _ledger.FILE}]
     if wrong:
-        raise ValueError(f"no names for pages: {wrong}")
+        raise ValueError(f"invalid page names: {wrong}")
     _clear(folder, {*pages, REPORT})
     files = {REPORT: render_json(document.model_dump(mode="json")), **pages}
     with os_errors_as("the report", folder):
@@ -87,14 +87,14 @@ def _clear(folder: Path, local: set[str]) -> None:
         if name in local or DRAFT.fullmatch(path.name) or _ledger.COPY.fullmatch(name):
             path.unlink()
         else:
-            hint = f"take it out of {folder}, or give it as evidence of an item; then sign"
-            raise SigningError(f"`{name}` in the folder of the checklist is not of the checklist", hint=hint)
+            hint = f"remove it from {folder}, or give it as evidence of an item; then sign"
+            raise SigningError(f"`{name}` in the folder of the checklist does not belong to it", hint=hint)
     empty = folder / _ledger.FOLDER
     if empty.is_dir() and not any(empty.iterdir()):
         empty.rmdir()
 
 
-_ORIGINAL = "do not rely on it; ask whoever signed for the original"
+_ORIGINAL = "do not rely on it; ask the signer for the original"
 
 
 def verify(folder: Path, *, key: Path | None = None, required_keys: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
@@ -128,8 +128,8 @@ def _manifest(folder: Path, trusted_keys: Collection[str], *, is_explicit: bool)
     try:
         data = content(folder / MANIFEST)
     except OSError:
-        hint = "the checklist was never signed, or the file was removed; ask whoever signed for the original"
-        yield SigningTrouble(MANIFEST, "is missing: nobody vouches for what is here", hint)
+        hint = "the checklist was never signed, or the file was removed; ask the signer for the original"
+        yield SigningTrouble(MANIFEST, "is missing: nobody vouches for these files", hint)
         return
     manifest = _read(data)
     if manifest is None:
@@ -158,7 +158,7 @@ def _files(folder: Path, files: dict[str, Any]) -> Iterator[SigningTrouble]:
             yield SigningTrouble(name, "is missing", _ORIGINAL)
         elif name not in files:
             yield SigningTrouble(
-                name, "was added after the checklist was signed", "it is not of the checklist: take it out"
+                name, "was added after the checklist was signed", "it does not belong to the checklist: remove it"
             )
         elif (folder / name).is_symlink() or _hash(folder / name) != files[name]["sha256"]:
             yield SigningTrouble(name, "was changed after the checklist was signed", _ORIGINAL)
@@ -194,4 +194,4 @@ def _records(folder: Path) -> Iterator[SigningTrouble]:
     except (OSError, ValueError):
         return  # that is told
     if document is None or document.items != items:
-        yield SigningTrouble(REPORT, "tells other results than the records of the checklist", _ORIGINAL)
+        yield SigningTrouble(REPORT, "has other results than the records of the checklist", _ORIGINAL)

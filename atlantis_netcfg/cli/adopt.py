@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 ADOPT = syntax.CommandSpec(
     "device adopt",
-    "prepare a router in factory state for `provision site=…`",
+    "prepare a factory-state router for `provision site=…`",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("device", "the router of it", is_required=True, example="coastal-router"),
-        syntax.Word("via", "`ssh`, or the serial line that it is on", example="serial:/dev/ttyUSB0"),
-        syntax.Word("address", "where it answers now, if not at 192.168.88.1", example="192.168.88.1"),
-        syntax.Word("password-file", "file (mode 0600) with the password of the factory's user", example="sticker.txt"),
-        syntax.Word("wait", "seconds to wait for the laptop on the management port; 600 if left out", example="600"),
+        syntax.Word("device", "site of the router", is_required=True, example="coastal-router"),
+        syntax.Word("via", "`ssh`, or the serial port of the router", example="serial:/dev/ttyUSB0"),
+        syntax.Word("address", "current address, if not 192.168.88.1", example="192.168.88.1"),
+        syntax.Word("password-file", "file (mode 0600) with the factory user's password", example="sticker.txt"),
+        syntax.Word("wait", "seconds to wait for the laptop on the management port (600)", example="600"),
         syntax.INVENTORY,
     ),
     flags=(
@@ -50,9 +50,9 @@ ADOPT = syntax.CommandSpec(
         syntax.ASK_VAULT_PASS,
         syntax.JSON,
     ),
-    details="It may be repeated after a break at any moment: it goes on where it stopped.",
+    details="If it is interrupted, run it again: it continues where it stopped.",
     changes=True,
-    again="type the same again: it looks where the router stands, and goes on from there",
+    again="run the same command again: it checks the router's state and continues from there",
 )
 
 
@@ -123,7 +123,9 @@ def _via(via: str) -> str:
     from atlantis_netcfg.operations.adopt import SERIAL, SSH
 
     if via != SSH and not (via.startswith(SERIAL) and via != SERIAL):
-        raise UsageError(f"`via={via}` is no way to a router", hint="type `via=ssh` or `via=serial:/dev/ttyUSB0`")
+        raise UsageError(
+            f"`via={via}` is not a valid way to reach a router", hint="type `via=ssh` or `via=serial:/dev/ttyUSB0`"
+        )
     return via
 
 
@@ -133,7 +135,7 @@ def _seconds(text: str | None) -> float:
     if text is None:
         return 600.0
     if not text.isdecimal():
-        raise UsageError(f"`wait={text}` is no number of seconds", hint="type `wait=600`")
+        raise UsageError(f"`wait={text}` is not a number of seconds", hint="type `wait=600`")
     return float(text)
 
 
@@ -151,7 +153,7 @@ def _passwords(arguments: syntax.Arguments, name: str) -> Iterator[Secret]:
         return
     yield Secret("")
     if sys.stdin.isatty() and not arguments.flag("json"):
-        yield Secret(getpass(f"Password of the factory's user on {name} (see its sticker): "))
+        yield Secret(getpass(f"Password of the factory user on {name} (see its label): "))
 
 
 def _read_secret_file(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the command only
@@ -161,9 +163,9 @@ def _read_secret_file(path: Any) -> Secret:  # noqa: ANN401 - pathlib is importe
     try:
         mode, text = path.stat().st_mode, path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"the password file cannot be read: {path}", hint=getattr(error, "strerror", None)) from error
+        raise UsageError(f"cannot read the password file {path}", hint=getattr(error, "strerror", None)) from error
     if mode & 0o077:
-        raise UsageError(f"others may read the password file {path}", hint=f"type `chmod 600 {path}`")
+        raise UsageError(f"other users can read the password file {path}", hint=f"type `chmod 600 {path}`")
     return Secret(text.rstrip("\r\n"))
 
 
@@ -182,7 +184,7 @@ def _agreement_callback(arguments: syntax.Arguments) -> Callable[[AdoptionOutcom
 def _show(state: str, steps: tuple[str, ...]) -> None:
     from atlantis_netcfg.core import printable
 
-    print(translate(f"the router is {state}; the steps:"), flush=True)
+    print(translate(f"the router is {state}; steps:"), flush=True)
     for number, step in enumerate(steps, start=1):
         print(translate(f"  {number}. {printable.line(step)}"), flush=True)
 
@@ -202,7 +204,7 @@ def _print_result(arguments: syntax.Arguments, result: AdoptionResult) -> ExitCo
     if result.run:
         print(translate(f"  recorded as {result.run}"))
     if arguments.flag("rehearse"):
-        print(translate("  rehearsed with an emulated router: nothing real was contacted, and no cable was moved"))
+        print(translate("  rehearsed with an emulated router: no real device was contacted, no cable was moved"))
     return result.exit
 
 
@@ -211,9 +213,9 @@ TRUST = syntax.CommandSpec(
     "review and pin the certificates and SSH host keys of a site",
     words=(syntax.Word("site", "the site", is_required=True, example="coastal"), syntax.DEVICES, syntax.INVENTORY),
     details=(
-        "Nobody is told a password: each device shows its certificate or its SSH host key, and you compare it with "
-        "what the device prints on its own console. It needs a terminal. For other computers, and for AWX, declare it: "
-        "`fingerprint` under `access`, `host_key` under `ssh` of a computer."
+        "No password is sent: each device shows its certificate or SSH host key, and you compare it with what "
+        "the device prints on its own console. This needs a terminal. For other computers and for AWX, put it "
+        "into the inventory: `fingerprint` under `access`, `host_key` under `ssh` of a computer."
     ),
 )
 
@@ -234,12 +236,12 @@ def run_trust(arguments: syntax.Arguments) -> ExitCode:
     site_hosts = choose(inventory, arguments.word("site"), arguments.many("device"))
     hosts = [host for host in site_hosts if has_identity(host)]
     if not hosts:
-        raise NoMatchError("nobody logs in to any of these devices: there is nothing to trust")
+        raise NoMatchError("provision logs in to none of these devices: there is nothing to trust")
     refuse_examples(inventory, is_rehearsal=False)
     if not sys.stdin.isatty():
         raise UsageError(
-            "nobody is here to agree to an identity, so nothing was trusted",
-            hint="type the same on a terminal; or declare `fingerprint` under `access`, or `host_key` under `ssh`",
+            "no terminal to confirm an identity: nothing was trusted",
+            hint="run the same command on a terminal; or set `fingerprint` under `access`, or `host_key` under `ssh`",
         )
     request = Request(state=paths.state_dir())
     return worst([_trust_device(inventory, host, request) for host in hosts])
@@ -268,25 +270,29 @@ def _trust_identity(identity: DeviceIdentity, request: Request) -> ExitCode:
 
     shows = f"{identity.device}: its {identity.service} is {identity.actual_key}"
     if identity.is_known:
-        print(translate(f"{shows}, as {'declared' if identity.declared_key else 'agreed to before'}"), flush=True)
+        print(translate(f"{shows}, as {'declared' if identity.declared_key else 'accepted before'}"), flush=True)
         return ExitCode.DONE
     field = "fingerprint" if identity.service == "certificate" else "host_key"
     if identity.declared_key:
         raise DeviceError(
-            f"{shows}, and the inventory declares {identity.declared_key}: nothing was trusted",
-            hint=f"another device, a new certificate, or somebody in between; if it was renewed: change `{field}`",
+            f"{shows}, but the inventory has {identity.declared_key}: nothing was trusted",
+            hint=(
+                "another device, a new certificate, or an intercepted connection; if the certificate was renewed, "
+                f"change `{field}`"
+            ),
         )
     print(
         translate(
-            f"{shows}; "
-            f"{f'agreed to before was {identity.pinned_key}' if identity.pinned_key else 'it was not seen before'}"
+            f"{shows}; {f'agreed to before was {identity.pinned_key}' if identity.pinned_key else 'not seen before'}"
         )
     )
     print(translate(f"  {identity.compare}"), flush=True)
-    require_agreement(f"Is this {identity.device}, and no other?")
+    require_agreement(f"Is this really {identity.device}?")
     agree(identity, request)
     print(
-        translate(f"kept on this computer; for all others declare `{field}: {identity.actual_key}` under its `access`"),
+        translate(
+            f"stored on this computer; for all other computers, set `{field}: {identity.actual_key}` under its `access`"
+        ),
         flush=True,
     )
     return ExitCode.DONE
@@ -301,22 +307,26 @@ def _trust_computer(inventory: Inventory, host: Host, request: Request) -> ExitC
     ssh = getattr(host.device, "ssh", None)
     if state is not KeyState.MATCH and ssh is not None and ssh.host_key is not None:
         raise DeviceError(
-            f"{host.name} does not show the SSH host key that the inventory declares: nothing was trusted",
-            hint="another computer, a new card, or somebody in between; if it was set up anew: change `host_key`",
+            f"{host.name} does not show the SSH host key that is in the inventory: nothing was trusted",
+            hint="another computer, a new card, or an intercepted connection; if it was reinstalled, change `host_key`",
         )
     if state is KeyState.MISMATCH:
         raise DeviceError(
-            f"{host.name} shows another SSH host key than before: nothing was trusted",
-            hint=f"only if it is a new computer or a new card: `ssh-keygen -R {host.name}`, then type the same again",
+            f"{host.name} shows a different SSH host key than before: nothing was trusted",
+            hint=(
+                f"only if it is a new computer or a new card: run `ssh-keygen -R {host.name}`, then the same "
+                "command again"
+            ),
         )
     if state is KeyState.UNKNOWN:
         print(
             translate(
-                f"{host.name}: OpenSSH shows its key; on the computer: ssh-keygen -lf /etc/ssh/ssh_host_ed25519_key.pub"
+                f"{host.name}: OpenSSH shows its key; to compare, run on that computer: ssh-keygen -lf "
+                "/etc/ssh/ssh_host_ed25519_key.pub"
             )
         )
         computer.ask()
         if computer.look() is not KeyState.MATCH:
-            raise DeviceError(f"{host.name}: not agreed, so nothing was trusted")
+            raise DeviceError(f"{host.name}: not confirmed, so nothing was trusted")
     print(translate(f"{host.name}: its SSH host key is known"), flush=True)
     return ExitCode.DONE

@@ -32,8 +32,8 @@ ASBUILT = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "Nothing is changed. The record is kept as page, PDF and JSON below the state folder. Exit code 0: every "
-        "device that can be asked was read, 6: one did not answer, or not whole, 7: nobody was asked."
+        "Nothing is changed. The record is saved as a page, PDF and JSON in the state folder. Exit code 0: every "
+        "readable device was read, 6: a device did not respond or was read only in part, 7: no device was contacted."
     ),
 )
 
@@ -71,9 +71,7 @@ def _refuse_all(site: str) -> None:
     from atlantis_netcfg.inventory import ALL
 
     if site == ALL:
-        raise UsageError(
-            "`provision report as-built` is about one site at a time", hint="type its name: `site=coastal`"
-        )
+        raise UsageError("`provision report as-built` takes one site at a time", hint="type its name: `site=coastal`")
 
 
 def _make_record(session: CommandSession) -> tuple[AsBuiltRecord, Path, str]:

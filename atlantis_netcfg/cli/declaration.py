@@ -31,7 +31,7 @@ VALIDATE = syntax.CommandSpec(
         syntax.Flag("examples", "list every example value that nobody has replaced yet, with its place"),
         syntax.JSON,
     ),
-    details="No device is contacted and no vault password is asked for: vaulted secrets stay closed.",
+    details="No device is contacted, and no vault password is needed: vaulted secrets are not decrypted.",
 )
 
 
@@ -124,7 +124,7 @@ def _tell_examples(inventory: Inventory, arguments: syntax.Arguments) -> None:
         print(f"  {line}")
     if inventory.pilot.example_values and examples:
         rehearsal = f"`provision site={next(iter(inventory.sites))} --rehearse`"
-        print(as_typed(translate(f"It still holds example values: only rehearsals use it ({rehearsal})."), words))
+        print(as_typed(translate(f"Still contains example values: for rehearsals only ({rehearsal})."), words))
         if lists_all:
             print(translate(f"{len(examples)} values are examples."))
         else:
@@ -133,10 +133,10 @@ def _tell_examples(inventory: Inventory, arguments: syntax.Arguments) -> None:
             )
             print(as_typed(listing, words))
     elif inventory.pilot.example_values:
-        print(translate("No example value is left, but `example_values: true` says so: real runs are refused."))
+        print(translate("No example values are left, but `example_values: true` is still set: real runs are refused."))
         print(translate("Set `example_values: false` in group_vars/all/pilot.yml when every value is yours."))
     elif lists_all:
-        print(translate("No example value is left."))
+        print(translate("No example values are left."))
 
 
 def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:
@@ -149,18 +149,18 @@ DDS = syntax.CommandSpec(
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word("device", "the computer", is_required=True, example="coastal-gateway"),
-        syntax.Word("to", "write the files into this folder, one folder below it for each link", example="profiles"),
+        syntax.Word("to", "output folder, with one subfolder for each link", example="profiles"),
         syntax.Word(
             "distribution",
-            "for this release instead of the declared one; pypi is a computer with `pip install cyclonedds`",
+            "another ROS 2 release; pypi: `pip install cyclonedds`",
             choices=("foxy", "humble", "jazzy", "pypi"),
         ),
         syntax.INVENTORY,
     ),
     flags=(syntax.Flag("show", "print the files"), syntax.JSON),
     details=(
-        "No device is contacted: what is written here goes to /etc/atlantis/dds of the computer. Participants find "
-        "each other by the declared addresses, without multicast, and outlive a satellite's silence of 70 s."
+        "No device is contacted: the files go to /etc/atlantis/dds of the computer. Participants find each other by "
+        "the addresses in the inventory, without multicast, and survive a satellite outage of 70 s."
     ),
 )
 
@@ -206,7 +206,7 @@ def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
                 write_atomically(path, text.encode(), mode=None)
         except OSError as error:
             reason = error.strerror or str(error)
-            raise UsageError(f"{path} cannot be written: {reason}", hint="name another folder with `to=`") from error
+            raise UsageError(f"cannot write {path}: {reason}", hint="give another folder with `to=`") from error
     return changes
 
 
@@ -224,25 +224,32 @@ def _print(
     print(translate(f"{first.host}: {release.name} with {brings}, domain {first.domain}, at {first.address}"))
     print(translate(f"  peers, without multicast: {', '.join(f'{name} {address}' for name, address in first.peers)}"))
     print(
-        translate(f"  gone after {first.lease_s} s of silence; {first.participants} processes of a computer are found")
+        translate(
+            f"  removed after {first.lease_s} s of silence; up to {first.participants} processes of a computer are "
+            "discovered"
+        )
     )
     for view in views:
         print(
             translate(
-                f"  {view.link:<10} announced every {view.tuning.announce_s:>2} s"
-                f" (reckoned: {view.announced_mb_a_day:.0f} MB a day for each process),"
-                f" datagrams of {view.tuning.message_bytes} bytes at most"
+                f"  {view.link:<10} announced every {view.tuning.announce_s:>2} s (estimate: "
+                f"{view.announced_mb_a_day:.0f} MB a day for each process), datagrams of up to "
+                f"{view.tuning.message_bytes} bytes"
             )
         )
-    print(translate(f"  all DDS of {inventory.hosts[first.host].site}, with {first.processes} running on a computer:"))
+    print(
+        translate(
+            f"  total DDS traffic of {inventory.hosts[first.host].site}, with {first.processes} running on a computer:"
+        )
+    )
     for name, traffic in costs.items():
         price = f", {traffic.bill.money}" if traffic.link.is_metered else ""
         month = size(traffic.month_bytes)
-        print(translate(f"  {name:<10} {month} a month both ways while it carries the traffic{price}"))
+        print(translate(f"  {name:<10} {month} a month in both directions while it carries the traffic{price}"))
     for name, has_changed in changes.items():
-        print(translate(f"  {'written' if has_changed else 'already so':<10} {name}"))
+        print(translate(f"  {'written' if has_changed else 'unchanged':<10} {name}"))
     if inventory.pilot.example_values:
-        print(translate("The inventory still holds example values."))
+        print(translate("The inventory still contains example values."))
 
 
 def _show(files: Mapping[str, str]) -> None:

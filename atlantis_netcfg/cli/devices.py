@@ -27,7 +27,7 @@ DRIFT = syntax.CommandSpec(
     "report drift",
     "show differences between devices and inventory (read-only)",
     words=(
-        syntax.Word("site", "the site; all of them if left out", example="coastal"),
+        syntax.Word("site", "the site (default: all sites)", example="coastal"),
         syntax.DEVICES,
         syntax.VIA,
         syntax.INVENTORY,
@@ -42,7 +42,7 @@ DRIFT = syntax.CommandSpec(
         syntax.ASK_VAULT_PASS,
         syntax.JSON,
     ),
-    details="Exit code 6 says that something differs, 0 that nothing does, 4 that a device could not be read.",
+    details="Exit code 6: at least one device differs, 0: no device differs, 4: a device could not be read.",
 )
 
 
@@ -107,9 +107,9 @@ def _file(name: str | None) -> Path | None:
         return None
     path = Path(name)
     if path.is_dir() or not path.parent.is_dir():
-        why = "that is a folder" if path.is_dir() else f"there is no folder {path.parent}"
+        why = "this is a folder" if path.is_dir() else f"no such folder: {path.parent}"
         raise UsageError(
-            f"`--junit {name}`: {why}", hint="name a file in a folder that exists, as in `--junit drift.xml`"
+            f"`--junit {name}`: {why}", hint="give a file in an existing folder, for example `--junit drift.xml`"
         )
     return path
 
@@ -123,7 +123,7 @@ def _write(path: Path, data: bytes) -> None:
         write_atomically(path, data, mode=None)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise UsageError(f"{path} cannot be written: {reason}", hint="name another file with `--junit`") from error
+        raise UsageError(f"cannot write {path}: {reason}", hint="give another file with `--junit`") from error
 
 
 BACKUP = syntax.CommandSpec(
@@ -147,8 +147,8 @@ BACKUP = syntax.CommandSpec(
         syntax.VERBOSE,
     ),
     details=(
-        "The saved export hides secrets, as RouterOS does; they are not in the backup.\n"
-        "What a rehearsal saves is kept with the runs of rehearsals, and no real command takes it."
+        "The saved export contains no secrets, as RouterOS hides them.\nA state saved in a rehearsal is stored "
+        "separately, and no real command uses it."
     ),
 )
 
@@ -168,7 +168,7 @@ def run_backup(arguments: syntax.Arguments) -> ExitCode:
 
 VERIFY = syntax.CommandSpec(
     "device verify",
-    "test which assumptions about RouterOS or RutOS hold on a device",
+    "test which RouterOS or RutOS assumptions hold on a device",
     words=(
         syntax.Word(
             "device",
@@ -189,11 +189,11 @@ VERIFY = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "Without `--try` the device is only read. The report is also written to a file that can be sent back. Exit "
-        "code 0: what was shown holds, 6: something does not hold or gave no usable answer, 7: nothing was shown."
+        "Without `--try` the device is only read. The report is also written to a file that you can send back. "
+        "Exit code 0: all results hold, 6: an assumption does not hold or gave no usable result, 7: nothing was tested."
     ),
     changes=True,
-    again="type the same again: scratch rows go with their session, by the safe mode of the device",
+    again="run the same command again: the device's safe mode removes scratch rows when their session ends",
 )
 
 
@@ -248,8 +248,8 @@ def _check_privilege(*, silence: bool) -> None:
 
     if silence and not may_cut_off():
         raise UsageError(
-            "`--silence`: this computer lets only root make a connection fall silent; no device was contacted",
-            hint="type the same with `sudo`, or without `--silence`",
+            "`--silence`: on this computer only root can block a connection; no device was contacted",
+            hint="run the same command with `sudo`, or without `--silence`",
         )
 
 
@@ -262,14 +262,14 @@ def _host(inventory: Inventory, name: str, *, tries: bool) -> Host:
         host = inventory.hosts[name]
         is_rutos = isinstance(host.device, LteRouter) and host.device.driver is LteDriver.RUTOS
         if is_rutos and tries:
-            raise UsageError(f"{name} runs RutOS and is only read", hint="leave out `--try` and `--silence`")
+            raise UsageError(f"{name} runs RutOS and can only be read", hint="remove `--try` and `--silence`")
         if not is_supported(host) and not is_rutos:
-            raise UsageError(f"{name} is a {host.device.kind.replace('_', ' ')}, and no RouterOS device")
+            raise UsageError(f"{name} is a {host.device.kind.replace('_', ' ')}, not a RouterOS device")
         return host
     near = nearest(name, inventory.hosts)
     raise UsageError(
-        f"no device is called `{name}`",
-        hint=f"did you mean `device={near}`?" if near else f"there are: {', '.join(inventory.hosts)}",
+        f"no such device: `{name}`",
+        hint=f"did you mean `device={near}`?" if near else f"available: {', '.join(inventory.hosts)}",
     )
 
 
@@ -297,11 +297,11 @@ RESTORE = syntax.CommandSpec(
     "device restore",
     "restore a saved configuration to a replacement device",
     words=(
-        syntax.Word("device", "the device that is replaced", is_required=True, example="coastal-router"),
-        syntax.Word("site", "its site, if you want that checked", example="coastal"),
+        syntax.Word("device", "the device to replace", is_required=True, example="coastal-router"),
+        syntax.Word("site", "its site, as a check", example="coastal"),
         syntax.Word(
             "run",
-            "the run whose state it gets, as `provision report runs` lists it, or `latest`",
+            "the run to restore, from `provision report runs`, or `latest`",
             is_required=True,
             example="latest",
             values=Values.RUN_OR_LATEST,
@@ -317,9 +317,8 @@ RESTORE = syntax.CommandSpec(
         *syntax.CHANGE,
     ),
     details=(
-        "Meet the replacement first: `provision device adopt --replaced` gives it our user and a certificate of its "
-        "own.\n"
-        "Secrets are not in a saved state: they are taken from the declaration, and what it lacks is named."
+        "Prepare the replacement first: `provision device adopt --replaced` creates our user and a certificate on "
+        "it.\nA saved state has no secrets: they come from the inventory, and missing ones are listed."
     ),
     changes=True,
     plays=True,
@@ -365,10 +364,10 @@ def _tell(session: CommandSession, state: SavedState) -> None:
 
     run = session.store.run(session.site, state.run) if not session.is_rehearsal else None
     when = time_text(state.at, session.inventory.pilot.time_zone)
-    print(translate(f"{session.hosts[0].name}: the state that run {state.run} read back at {when}"), flush=True)
+    print(translate(f"{session.hosts[0].name}: the state verified by run {state.run} at {when}"), flush=True)
     if run is not None and run.start_record is not None and run.start_record.revision != session.inventory.revision:
         print(
-            translate(f"  the inventory has changed: `provision site={session.site}` brings what it declares now"),
+            translate(f"  the inventory has changed since: `provision site={session.site}` applies the current one"),
             flush=True,
         )
 
@@ -378,15 +377,15 @@ UPGRADE = syntax.CommandSpec(
     "install RouterOS packages on a device, reboot it, verify",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("device", "the device of it", is_required=True, example="coastal-router"),
+        syntax.Word("device", "device of the site", is_required=True, example="coastal-router"),
         syntax.Word(
             "packages",
-            "the `.npk` files, all of one version",
+            "`.npk` files, all of one version",
             is_required=True,
             many=True,
             example="routeros-7.21.5-arm64.npk",
         ),
-        syntax.Word("drop", "installed packages to lose, for which there is no file", many=True, example="container"),
+        syntax.Word("drop", "installed packages to remove (those without a file)", many=True, example="container"),
         syntax.VIA,
         syntax.INVENTORY,
     ),
@@ -399,9 +398,9 @@ UPGRADE = syntax.CommandSpec(
         syntax.ASK_VAULT_PASS,
         syntax.JSON,
     ),
-    details="Nothing is downloaded. The device reboots; what it feeds and carries is down meanwhile.",
+    details="Nothing is downloaded. The device reboots; devices and links that depend on it are down meanwhile.",
     changes=True,
-    again="type the same again: it looks at what runs on the device, and goes on from there",
+    again="run the same command again: it checks the device's version and continues from there",
 )
 
 
@@ -463,7 +462,7 @@ def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
         print(
             translate(f"  send {package.path.name:<34} {package.size / 1e6:6.1f} MB   SHA-256 {package.sha256[:16]}…")
         )
-    dear = ", which is paid by the byte" if preparation.link.is_metered else ""
+    dear = ", which is metered" if preparation.link.is_metered else ""
     cost = f"{upgrade.size / 1e6:.1f} MB over {preparation.link.name}{dear}: about {preparation.seconds:.0f} s"
     print(translate(f"  {cost}; then a reboot"))
     if preparation.link.is_metered:

@@ -20,32 +20,31 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.fit.link_capacity import Capacity
     from atlantis_netcfg.operations.fit.measured_telemetry import MeasuredTelemetry, TelemetryChange
 
-_WRITE = syntax.Flag("write", "write what was heard into the inventory, as `telemetry:` of the vehicle")
+_WRITE = syntax.Flag("write", "write the measured rates into `telemetry:` of the vehicle")
 
 FIT = syntax.CommandSpec(
     "measure fit",
     "check whether a vehicle's data rates fit each link, and the cost",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("vehicle", "whose `telemetry:` is taken", is_required=True, example="sparus"),
-        syntax.Word("link", "this link alone; all of the site if left out", example="satellite"),
+        syntax.Word("vehicle", "the vehicle, with its `telemetry:`", is_required=True, example="sparus"),
+        syntax.Word("link", "only this link (default: all links of the site)", example="satellite"),
         syntax.Word(
             "run",
-            "a measurement of the site, instead of the newest one of each link",
+            "a stored measurement (default: the newest of each link)",
             example="satellite-20261126T022248Z",
         ),
-        syntax.Word(
-            "observed", "listen so long, and take what it is heard to publish, not `telemetry:`", example="30s"
-        ),
+        syntax.Word("observed", "listen this long instead of using `telemetry:`", example="30s"),
         ADDRESS,
         syntax.INVENTORY,
     ),
     flags=(_WRITE, syntax.JSON),
     details=(
-        "It is reckoned from topics, sizes and rates, and from what a link was measured to carry, else from its "
-        "declared rate. Nothing is contacted without `observed=`, which listens as `robot discover` does, best in the "
-        "LAN of the site. Exit code 0: it fits every link that was asked for, and each was measured; 6: it does not "
-        "fit one, or that is not proved, or not all was heard; 7: nothing is declared."
+        "The result is computed from topics, sizes and rates, and from the measured capacity of a link, else "
+        "from its rate in the inventory. No device is contacted without `observed=`, which listens as `robot "
+        "discover` does, best in the LAN of the site. Exit code 0: it fits every requested link, and each was "
+        "measured; 6: it does not fit a link, is not proved, or not all topics were received; 7: the inventory "
+        "has no data."
     ),
 )
 _WIDTH = 80
@@ -99,7 +98,9 @@ def _listen(
     if span is None:
         if arguments.flag("write") or address is not None:
             word = "--write" if arguments.flag("write") else "address="
-            raise UsageError(f"`{word}` is for what is heard", hint="add how long to listen: `observed=30s`")
+            raise UsageError(
+                f"`{word}` applies only to received telemetry", hint="add how long to listen: `observed=30s`"
+            )
         return None, None
     site, vehicle = arguments.word("site"), arguments.word("vehicle")
     require_vehicle(inventory, site, vehicle)
@@ -115,9 +116,9 @@ def _change_rows(telemetry: MeasuredTelemetry, change: TelemetryChange, *, is_wr
     for finding in telemetry.findings:
         yield from _message(f"{finding.verdict.value}: {translate(finding.message)}", 0)
     if telemetry.others:
-        yield from _message(f"not counted, for its configuration does not name them: {', '.join(telemetry.others)}", 0)
+        yield from _message(f"not counted, because not in its configuration: {', '.join(telemetry.others)}", 0)
     if not change.difference:
-        yield translate(f"{change.file} says the same already")
+        yield translate(f"{change.file} is already up to date")
         return
     yield translate(f"{change.file} was written:" if is_written else f"{change.file}, with `--write`:")
     yield from (f"  {line}" for line in change.difference)
@@ -133,14 +134,12 @@ def rows(fit: VehicleFit) -> Iterator[Row]:
     count = len(fit.links[0].topics)
     yield translate(f"{fit.vehicle} at {fit.site}: {count} topics by {fit.middleware.value}")
     centres = "a control centre" if fit.subscribers == 1 else f"{fit.subscribers} control centres, a copy to each"
-    yield from _message(
-        f"published to {centres}; bytes and packets are of one message, with DDS, VPN and IP headers", 0
-    )
+    yield from _message(f"published to {centres}; bytes and packets for each message, with DDS, VPN and IP headers", 0)
     for link in fit.links:
         yield ""
         yield from _link(link)
     yield ""
-    yield from _message("The telemetry of other vehicles is not in it, nor are messages that go again after a loss.", 0)
+    yield from _message("Telemetry of other vehicles and retransmissions are not included.", 0)
 
 
 def _link(link: LinkFit) -> Iterator[Row]:
@@ -158,7 +157,7 @@ def _link(link: LinkFit) -> Iterator[Row]:
         yield _topic(topic)
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
     yield from _message(
-        f"at these rates, with what the site sends by itself: {link.up_bps / up:.0%} of the capacity up, "
+        f"at these rates, including the site's own traffic: {link.up_bps / up:.0%} of the capacity up, "
         f"{link.down_bps / down:.0%} down"
     )
     yield from _cost_rows(link, is_thinned=False)
@@ -171,14 +170,14 @@ def _link(link: LinkFit) -> Iterator[Row]:
 def _thinning_rows(link: LinkFit) -> Iterator[Row]:
     for topic in link.topics:
         if topic.is_thinned:
-            yield from _message(f"thin {topic.topic.topic}: {topic.topic.rate_hz:g} Hz -> {topic.rate_hz:g} Hz")
+            yield from _message(f"reduce {topic.topic.topic}: {topic.topic.rate_hz:g} Hz -> {topic.rate_hz:g} Hz")
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
     with_it = f"{link.thinned_up_bps / up:.0%} of the capacity up, {link.thinned_down_bps / down:.0%} down"
     if link.fits_thinned:
-        yield from _message(f"thinned: {with_it}")
+        yield from _message(f"reduced: {with_it}")
         yield from _cost_rows(link, is_thinned=True)
     else:
-        yield from _message(f"also at the lowest useful rates it does not fit: {with_it}")
+        yield from _message(f"does not fit even at the lowest useful rates: {with_it}")
         for topic in link.topics:
             if topic.most_hz < topic.rate_hz:
                 yield from _message(f"{topic.topic.topic} alone would fit up to {topic.most_hz:g} Hz")
@@ -197,8 +196,8 @@ def _capacity(capacity: Capacity) -> str:
     from atlantis_netcfg.operations.fit.link_capacity import USABLE
 
     rates = f"{capacity.pace.up_bps / 1000:.0f} kbit/s up, {capacity.down_bps / 1000:.0f} down"
-    loss = "loss unknown" if capacity.loss is None else f"{capacity.loss:.2%} of the packets up lost"
-    return f"{capacity.source}: {rates}, of which {USABLE:.0%} may be used; {capacity.pace.rtt_s * 1000:.0f} ms; {loss}"
+    loss = "loss unknown" if capacity.loss is None else f"{capacity.loss:.2%} of upstream packets lost"
+    return f"{capacity.source}: {rates}, of which {USABLE:.0%} is usable; {capacity.pace.rtt_s * 1000:.0f} ms; {loss}"
 
 
 def _topic(topic: TopicFit) -> str:

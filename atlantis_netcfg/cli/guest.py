@@ -29,55 +29,45 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Member
     from atlantis_netcfg.vpn.requests import DeviceWords
 
-_AGAIN = (
-    "what was recorded stands: type the same again, or take all of it back with `provision robot dismiss name=NAME`"
-)
-_PLAN = syntax.Flag("plan", "only say what would be done", harmless=True)
+_AGAIN = "recorded changes remain: run the same command again, or undo all with `provision robot dismiss name=NAME`"
+_PLAN = syntax.Flag("plan", "only show the steps", harmless=True)
 
 GUEST_ADD = syntax.CommandSpec(
     "robot invite",
     "add a visiting robot: inventory, checklist, VPN access, DDS",
     words=(
-        syntax.Word(
-            "name", "its key in the declaration, and its device's name in the VPN", is_required=True, example="lauv"
-        ),
-        syntax.Word("partner", "whose robot it is", is_required=True, example="iqua"),
-        syntax.Word("kind", "what sort of robot it is", is_required=True, choices=("auv", "asv", "uav", "rov")),
+        syntax.Word("name", "its key in the inventory and its VPN device name", is_required=True, example="lauv"),
+        syntax.Word("partner", "owner of the robot", is_required=True, example="iqua"),
+        syntax.Word("kind", "type of robot", is_required=True, choices=("auv", "asv", "uav", "rov")),
         syntax.Word(
             "until",
-            "its last day here; no certificate of it is good for longer",
+            "last day of its visit and of its certificates",
             is_required=True,
             example="2026-12-31",
         ),
-        syntax.Word("site", "where it is tested", is_required=True, many=True, example="coastal"),
+        syntax.Word("site", "test site", is_required=True, many=True, example="coastal"),
         syntax.Word(
             "cells",
-            "what it has: a person confirms each in the checklist, until `endpoints` are declared",
+            "its equipment, confirmed by a person until `endpoints` are set",
             is_required=True,
             many=True,
             choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet"),
         ),
-        syntax.Word("title", "what people call it; its name if left out", example="LAUV"),
-        syntax.Word(
-            "link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"
-        ),
-        syntax.Word(
-            "distribution", "its ROS 2: foxy, humble or jazzy; that of the pilot if left out", example="humble"
-        ),
-        syntax.Word(
-            "openvpn", "its OpenVPN: 2.4, 2.5, 2.6 or 2.7; that of the Ubuntu of its ROS 2 if left out", example="2.6"
-        ),
-        syntax.Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
-        syntax.Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
-        syntax.Word("to", "also put the file into this folder", example="/media/usb"),
+        syntax.Word("title", "display name (default: its name)", example="LAUV"),
+        syntax.Word("link", "slowest link of its tunnel: fibre (default), 4g, satellite", example="satellite"),
+        syntax.Word("distribution", "ROS 2: foxy, humble or jazzy (default: that of the pilot)", example="humble"),
+        syntax.Word("openvpn", "OpenVPN: 2.4, 2.5, 2.6 or 2.7 (default: from its ROS 2)", example="2.6"),
+        syntax.Word("recipient", "encrypt to this age key or key file, not with a passphrase"),
+        syntax.Word("contact", "contact of the owner, for the instructions page", example="'Ana, +351 210 000 000'"),
+        syntax.Word("to", "also copy the file to this folder", example="/media/usb"),
         CLOCK,
         AUTHORITY,
         syntax.INVENTORY,
     ),
     flags=(_PLAN, NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
-        "It writes guests.yml of the declaration, validated with all of it before, and no other file of yours. "
-        "Repeating it makes nothing new, and completes what was stopped. Exit code 2: `--plan` has something to do."
+        "Writes only guests.yml of the inventory, after validating the whole inventory. Repeating the command "
+        "changes nothing, and completes an interrupted run. Exit code 2: `--plan` found changes."
     ),
     changes=True,
     again=_AGAIN,
@@ -132,7 +122,7 @@ def _guest_lock(arguments: syntax.Arguments) -> AbstractContextManager[object]:
     from atlantis_netcfg.runs import SiteLock
 
     command = f"provision {arguments.command.name} name={arguments.word('name')}"
-    return SiteLock(paths.state_dir() / "guests.lock", "the file of guests", command)
+    return SiteLock(paths.state_dir() / "guests.lock", "the guest file", command)
 
 
 def _entry(arguments: syntax.Arguments) -> GuestEntry:
@@ -147,7 +137,9 @@ def _entry(arguments: syntax.Arguments) -> GuestEntry:
     try:
         day = date.fromisoformat(until).isoformat()
     except ValueError:
-        raise UsageError(f"`until={until}` is no day", hint="year, month and day, as in `until=2026-12-31`") from None
+        raise UsageError(
+            f"`until={until}` is not a date", hint="year, month and day, for example `until=2026-12-31`"
+        ) from None
     return GuestEntry(
         name=name,
         title=arguments.optional("title") or name,
@@ -177,8 +169,8 @@ def _declared_with(before: Inventory, entry: GuestEntry) -> tuple[str | None, In
         text = guests.with_guest(guests.text_of(before.root), entry)
         return text, inventory_files.validate_change(before.root, guests.FILE, text)
     if not entry.same(there):
-        hint = f"`provision robot dismiss name={entry.name}` takes it away; or correct {guests.FILE}"
-        raise UsageError(f"the guest `{entry.name}` is declared already, and otherwise", hint=hint)
+        hint = f"`provision robot dismiss name={entry.name}` removes it; or correct {guests.FILE}"
+        raise UsageError(f"the guest `{entry.name}` is already in the inventory, with other values", hint=hint)
     return None, before
 
 
@@ -193,8 +185,8 @@ def _refuse_unknown(inventory: Inventory, entry: GuestEntry) -> None:
     ):
         for each in values:
             if each not in names:
-                hint = suggest(each, names, none=f"declare the {word} first")
-                raise UsageError(f"`{word}={each}`: there is no such {word}", hint=hint)
+                hint = suggest(each, names, none=f"add the {word} to the inventory first")
+                raise UsageError(f"`{word}={each}`: no such {word}", hint=hint)
 
 
 def _device(arguments: syntax.Arguments, entry: GuestEntry) -> DeviceWords:
@@ -236,10 +228,10 @@ def _steps_of_add(entry: GuestEntry, request: EnrolmentRequest, *, is_declared: 
     steps = []
     if not is_declared:
         cells = ", ".join(entry.cells)
-        steps.append(f"declare {entry.name} in {FILE}: {cells}, tested at {', '.join(entry.sites)}")
+        steps.append(f"add {entry.name} to {FILE}: {cells}, tested at {', '.join(entry.sites)}")
     if not member:
-        steps.append(f"let {request.name} into the VPN, for {request.days} days: its last day is {entry.until}")
-        steps.append("make one sealed file with its profile of the VPN and those of DDS")
+        steps.append(f"give {request.name} VPN access for {request.days} days: its last day is {entry.until}")
+        steps.append("create one encrypted file with its VPN and DDS profiles")
     return steps
 
 
@@ -249,14 +241,14 @@ def _tell_plan(arguments: syntax.Arguments, steps: Sequence[str]) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
 
     code = ExitCode.CHANGES if steps else ExitCode.DONE
-    lines = [f"would {step}" for step in steps] or ["already so: nothing to do"]
+    lines = [f"would {step}" for step in steps] or ["nothing to do: already complete"]
     return _common.tell(arguments, code, {"plan": list(steps)}, lines)
 
 
 def _lines_of_add(entry: GuestEntry, *, already: bool) -> list[str]:
     from atlantis_netcfg.operations.guests import FILE
 
-    how = "declared already in" if already else "declared in"
+    how = "already in" if already else "added to"
     checks = [f"  its checklist: provision check site={site} vehicle={entry.name}" for site in entry.sites]
     return [f"{entry.name}: {how} {FILE}, a guest until {entry.until}", *checks]
 
@@ -273,18 +265,18 @@ GUEST_END = syntax.CommandSpec(
     "remove a visiting robot from VPN and inventory, and verify",
     words=(
         syntax.Word("name", "the guest", is_required=True, example="lauv"),
-        syntax.Word("reason", "for the record, one line; `its stay has ended` if left out"),
+        syntax.Word("reason", "reason for the record (default: `its stay has ended`)"),
         CLOCK,
         AUTHORITY,
         syntax.INVENTORY,
     ),
     flags=(_PLAN, syntax.Flag("yes", "do not ask before it is cut off"), NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
-        "Signed checklists and the record of the VPN stay: they say what was. Exit code 5: all is recorded and taken "
-        "away, but the server does not have it yet, and whoever is connected stays so until `provision vpn sync`."
+        "Signed checklists and the VPN record are kept. Exit code 5: all is recorded and removed here, but the "
+        "server is not updated yet; connected devices stay connected until `provision vpn sync`."
     ),
     changes=True,
-    again="what was recorded stands: type the same again, or look with `provision vpn status`",
+    again="recorded changes remain: run the same command again, or check with `provision vpn status`",
 )
 
 
@@ -313,8 +305,8 @@ def _end(arguments: syntax.Arguments) -> ExitCode:
     text = guests.without_guest(guests.text_of(before.root) or "", name) if guest is not None else None
     after = inventory_files.validate_change(before.root, guests.FILE, text) if guest is not None else before
     due = _to_revoke(authority, members)
-    steps = [f"put {member.name} out of the VPN, for good" for member in due]
-    steps += [f"take {name} out of {guests.FILE}"] if guest is not None else []
+    steps = [f"revoke the VPN access of {member.name} permanently" for member in due]
+    steps += [f"remove {name} from {guests.FILE}"] if guest is not None else []
     robot = guests.robot_file(before.root, name)
     steps += [f"remove {robot.parent.name}/{robot.name}"] if robot.exists() else []
     if arguments.flag("plan"):
@@ -346,7 +338,7 @@ def _agree(arguments: syntax.Arguments, name: str, steps: Sequence[str]) -> None
 
     if not arguments.flag("yes"):
         _print_lines(arguments, [f"  {step}" for step in steps])
-        require_agreement(f"End the stay of {name} now?")
+        require_agreement(f"End the visit of {name} now?")
 
 
 def _put_out(
@@ -380,12 +372,12 @@ def _tell_end(
     from atlantis_netcfg.operations.guests import GuestLeftOver
 
     name, errors = arguments.word("name"), list(deployment.errors)
-    errors += [GuestLeftOver(f"something of {name} is left: {words}", hint="remove it by hand") for words in leftovers]
+    errors += [GuestLeftOver(f"parts of {name} are left: {words}", hint="remove it by hand") for words in leftovers]
     lines = [f"{member.name}: revoked" for member in members]
     if not leftovers:
         is_deployed = deployment.is_deployed
-        how = "already so" if already else "ended" if is_deployed else "ended here, and the server does not know it yet"
-        lines.append(f"{name}: {how}; it is not declared, has no good certificate, and no file of it is left here")
+        how = "unchanged" if already else "ended" if is_deployed else "ended here; the server is not updated yet"
+        lines.append(f"{name}: {how}; not in the inventory, no valid certificate, no file left here")
     values = {
         "guest": name,
         "members": [member.name for member in members],

@@ -41,10 +41,10 @@ MEANING: Mapping[ExitCode, str] = {
     ExitCode.DONE: "done, or nothing to do",
     ExitCode.OUR_FAULT: "provision itself failed; the details are in a log file",
     ExitCode.CHANGES: "a plan found changes",
-    ExitCode.USAGE: "the command line, the inventory or this machine's set-up has an error; no device was contacted",
+    ExitCode.USAGE: "error in the command line, the inventory or this computer's setup; no device was contacted",
     ExitCode.FAILED: "something failed; the device was rolled back or left as found",
-    ExitCode.UNKNOWN: "the outcome on a device is unknown: the link was lost before it was confirmed",
-    ExitCode.CHECKS_FAILED: "checks failed, devices differ, or something that was asked for could not be proved",
+    ExitCode.UNKNOWN: "a device's state is unknown: the link was lost before confirmation",
+    ExitCode.CHECKS_FAILED: "checks failed, devices differ, or a request could not be proved",
     ExitCode.NOTHING: "nothing matched, or nothing was checked",
 }
 """The exit codes in words; docs/exit-codes.md holds the same table."""

@@ -28,9 +28,9 @@ INIT = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "No device is contacted. Enter without an answer leaves the feature out, or writes a value that is marked "
-        "EXAMPLE: only rehearsals use it. Passwords are made new, and are encrypted with the password of your vault. "
-        "All files are written or none, and only if the whole inventory is valid."
+        "No device is contacted. Enter without an answer omits a feature, or writes a value marked EXAMPLE, for "
+        "rehearsals only. Passwords are generated and encrypted with your vault password. Either all files are "
+        "written or none, and only if the whole inventory is valid."
     ),
 )
 
@@ -73,13 +73,13 @@ def _source(arguments: syntax.Arguments) -> str:
 
     example, file = arguments.value("from"), arguments.value("answers")
     if example is not None and file is not None:
-        raise UsageError("`--from` and `--answers` exclude each other", hint="keep one of them")
+        raise UsageError("`--from` and `--answers` cannot be used together", hint="keep one of them")
     if example not in (None, "example"):
-        raise UsageError(f"`--from {example}` is not known", hint="it takes one of: example")
+        raise UsageError(f"`--from {example}`: unknown value", hint="choose one of: example")
     if example is None and file is None and (arguments.flag("json") or not sys.stdin.isatty()):
         raise UsageError(
-            "nobody is here to answer questions, so nothing was written",
-            hint="type the command on a terminal, or with `--answers FILE`, or with `--from example`",
+            "no terminal to ask questions; nothing was written",
+            hint="run the command on a terminal, or with `--answers FILE`, or with `--from example`",
         )
     return example or file or "questions"
 
@@ -116,7 +116,7 @@ def _ask_person(store: KeptAnswers) -> tuple[InventoryAnswers, Mapping[str, Any]
             return "\0"
         except EOFError:
             again = "type the command again" + (": it offers to go on where it stopped" if is_kept else "")
-            raise UsageError("the questions were not answered to the end, so nothing was written", hint=again) from None
+            raise UsageError("not all questions were answered; nothing was written", hint=again) from None
 
     def tell(words: str) -> None:
         print(translate(words))
@@ -128,14 +128,14 @@ def _ask_person(store: KeptAnswers) -> tuple[InventoryAnswers, Mapping[str, Any]
                 store.write(answers)
         except (OSError, UsageError) as error:
             is_kept = False
-            tell(f"Your answers are not kept if you stop: {error}")
+            tell(f"Your answers cannot be saved if you stop: {error}")
 
-    tell("Enter takes what stands in brackets, `<` goes back, `-` clears an earlier answer.")
-    tell("Ctrl-C stops; the same command then offers to go on where it stopped.")
+    tell("Enter accepts the value in brackets, `<` goes back, `-` clears an earlier answer.")
+    tell("Ctrl-C stops; the same command then offers to continue where it stopped.")
     answers = store.read()
     if answers:
-        tell(f"{len(answers)} answers are kept from the last time.")
-        if not Interview(ask, tell).yes("Go on with them?", default="yes"):
+        tell(f"{len(answers)} answers are saved from the last session.")
+        if not Interview(ask, tell).yes("Continue with them?", default="yes"):
             store.remove()
             answers = []
     raw_answers = Interview(ask, tell, keep, answers).answers()
@@ -155,11 +155,11 @@ def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
         return Vault().encrypt
     if not ask:
         return None
-    password = getpass(translate("Choose a password for the inventory's vault [passwords are EXAMPLE values]: "))
+    password = getpass(translate("Choose a password for the inventory vault [passwords are EXAMPLE values]: "))
     if not password:
         return None
     if getpass(translate("The same again: ")) != password:
-        raise UsageError("the two are not the same, so nothing was written", hint="type the command again")
+        raise UsageError("the two entries differ; nothing was written", hint="run the command again")
     return Vault(lambda _: Secret(password)).encrypt
 
 
@@ -175,19 +175,19 @@ def _files(answers: InventoryAnswers, encrypt: Callable[[str], str] | None) -> d
 def _readme(folder: Path, *, is_encrypted: bool | None) -> str:
     """Return a file with the next steps; `is_encrypted` is None for the copied example."""
     vault = (
-        "Passwords were made new and are encrypted. Keep the vault's password outside this folder:"
-        " `ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …`, or type it when you are asked."
+        "Passwords were generated and encrypted. Keep the vault password outside this folder: "
+        "`ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …`, or type it when asked."
         if is_encrypted
-        else "Passwords are examples. Write yours: `ansible-vault encrypt_string --stdin-name password`."
+        else "Passwords are examples. Encrypt your own: `ansible-vault encrypt_string --stdin-name password`."
     )
     return f"""\
 # The inventory of a pilot
 
-1. `provision inventory validate inventory={folder}` checks all files; `--examples` lists what is still an example.
-2. Replace what is marked `# EXAMPLE`, and delete the mark. With the last one write `example_values: false` in
-   `group_vars/all/pilot.yml`. Numbers, frequencies and prices count as well as names and addresses.
+1. `provision inventory validate inventory={folder}` checks all files; `--examples` lists the remaining examples.
+2. Replace every value marked `# EXAMPLE` and delete the mark. After the last one, set `example_values: false` in
+   `group_vars/all/pilot.yml`. This includes numbers, frequencies and prices as well as names and addresses.
 3. Compare the list of ports in `host_vars/…-router.yml` with the cables, and add `poe:` where a port feeds a device.
-4. Add `endpoints:` of each robot in `group_vars/all/vehicles.yml`: what is left out, a person confirms.
+4. Add `endpoints:` of each robot in `group_vars/all/vehicles.yml`: a person must confirm whatever is missing there.
 5. {vault}
 6. `provision site=SITE --rehearse inventory={folder}` rehearses a site on this computer.
 7. Keep the folder in git.
@@ -217,14 +217,14 @@ def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] 
     from atlantis_netcfg.core.atomic_files import write_atomically
     from atlantis_netcfg.core.language import as_typed, translate
 
-    code = _refuse(error, "in what the answers give; nothing was written", as_json=as_json)
+    code = _refuse(error, "in the inventory built from the answers; nothing was written", as_json=as_json)
     if raw_answers is not None:
         number, path = 1, folder.with_name(f"{folder.name}-answers.yml")
         while path.exists():
             number += 1
             path = folder.with_name(f"{folder.name}-answers-{number}.yml")
         write_atomically(path, yaml.safe_dump(raw_answers, sort_keys=False, allow_unicode=True).encode(), mode=None)
-        words = translate(f"Your answers are kept in {path}: correct them, then type")
+        words = translate(f"Your answers are saved in {path}: correct them, then run")
         print(as_typed(f"{words}\n  provision inventory init {folder} --answers {path}"), file=sys.stderr)
     return code
 
@@ -240,12 +240,12 @@ def _print_created(folder: Path, inventory: Inventory, *, is_encrypted: bool | N
         document = {"exit": 0, "errors": [], "inventory": str(folder), "sites": sites, "hosts": list(inventory.hosts)}
         print(json_text({**document, "examples": examples}))
         return ExitCode.DONE
-    print(translate(f"{folder}: written and checked, no errors, {len(inventory.hosts)} hosts at {len(sites)} sites"))
+    print(translate(f"{folder}: written and validated, no errors, {len(inventory.hosts)} hosts at {len(sites)} sites"))
     if is_encrypted:
-        print(translate("Passwords were made new, and are encrypted with the password of your vault."))
+        print(translate("Passwords were generated and encrypted with your vault password."))
     if inventory.examples:
-        print(translate(f"{len(inventory.examples)} values are examples: only rehearsals use this inventory."))
+        print(translate(f"{len(inventory.examples)} values are examples: this inventory is for rehearsals only."))
         print(as_typed(f"  provision inventory validate inventory={folder} --examples"))
-    print(translate(f"Next: read {folder / 'README.md'}, and rehearse a site:"))
+    print(translate(f"Next: review {folder / 'README.md'}, and rehearse a site:"))
     print(as_typed(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}"))
     return ExitCode.DONE

@@ -20,20 +20,18 @@ DOCTOR = syntax.CommandSpec(
     "inventory doctor",
     "check whether this laptop is ready for a site",
     words=(
-        syntax.Word("site", "also the way from here to this site's router", example="coastal"),
+        syntax.Word("site", "also check the connection to this site's router", example="coastal"),
         syntax.VIA,
         syntax.INVENTORY,
     ),
     flags=(syntax.ASK_VAULT_PASS, syntax.JSON),
     details=(
-        "Nothing is changed, on this laptop or elsewhere, and no password is sent; only "
-        "what killed commands have left is removed, as every command does.\n"
-        "With `site=` the site's router is contacted, where the way to it is right and "
-        "not paid by the byte: one TLS connection, its certificate is looked at, and "
-        "nobody logs in. Encrypted values of the inventory are opened once, so that "
-        "their password may be asked for; they are never shown.\n"
-        "Exit code 0: nothing is red, 6: something is, or could not be looked at.\n"
-        "A warning alone ends with 0, and the last lines say it."
+        "Nothing is changed on this laptop or elsewhere, and no password is sent. As with every command, "
+        "leftovers of killed commands are removed.\nWith `site=` the site's router is contacted if it is reached "
+        "over the right link and that link is not metered: one TLS connection to check its certificate, without "
+        "login. Encrypted values of the inventory are decrypted once, so the vault password may be needed; they "
+        "are never shown.\nExit code 0: no check failed, 6: a check failed or was not possible.\nWarnings alone "
+        "also end with 0, and the last lines show them."
     ),
 )
 
@@ -76,8 +74,10 @@ def _refuse_drift(error: ImportError) -> None:
 
     if wrong := packages.drift_of(paths.checkout()):
         raise UsageError(
-            f"the packages in .venv are not as pinned: {packages.summarise(wrong)}",
-            hint=f"type `{packages.RESTORE}` in {paths.checkout()}; the next start brings them back, from the index",
+            f"the packages in .venv differ from the pinned versions: {packages.summarise(wrong)}",
+            hint=(
+                f"run `{packages.RESTORE}` in {paths.checkout()}; the next start reinstalls them from the package index"
+            ),
         ) from error
 
 
@@ -87,7 +87,7 @@ def _rows(diagnosis: Diagnosis, arguments: syntax.Arguments) -> Iterator[Row]:
     from atlantis_netcfg.core.printable import Style, StyledText
     from atlantis_netcfg.operations.doctor import DoctorSection
 
-    yield translate(f"provision {__version__} looks at this laptop and changes nothing")
+    yield translate(f"provision {__version__} checks this laptop (read-only)")
     for section in DoctorSection:
         if items := [item for item in diagnosis.items if item.section is section]:
             yield StyledText(translate(section.value), Style.TITLE)

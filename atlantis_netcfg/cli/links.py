@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 LINKS = syntax.CommandSpec(
     "links",
-    "show the state of each link; route the traffic over one of them",
+    "show link states; route the traffic over one of them",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.DEVICES,
@@ -42,8 +42,9 @@ LINKS = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "Nothing is changed, and nothing is sent over a satellite. Exit code 6 says that a link fails or cannot be "
-        "seen, or a device does not answer, 0 that all is well but for warnings, 7 that nobody was asked."
+        "Nothing is changed, and nothing is sent over a satellite link. Exit code 0: all links work, possibly "
+        "with warnings, 6: a link fails or its state is unknown, or a device does not respond, 7: no device was "
+        "contacted."
     ),
 )
 
@@ -66,7 +67,7 @@ def _require_one_site(site: str) -> None:
     from atlantis_netcfg.inventory import ALL
 
     if site == ALL:
-        raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
+        raise UsageError("`provision links` takes one site at a time", hint="type its name: `site=coastal`")
 
 
 def read_links(session: CommandSession) -> LinksStatus:
@@ -93,16 +94,16 @@ def _report(session: CommandSession, status: LinksStatus) -> LinksReport:
 
 
 _NOT_REHEARSED = (
-    "what is beyond the satellite: an OpenVPN here answers for the VPN server, nobody takes TCP or tells the time"
+    "the network beyond the satellite: a local OpenVPN acts as VPN server; TCP and time servers are missing"
 )
 
 PROVE = syntax.CommandSpec(
     "measure satellite",
-    "test the satellite allow-list with real packets (up to 20 kB)",
+    "test the satellite allow-list with packets (up to 20 kB)",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("link", "the satellite link; may be left out where there is one", example="satellite"),
-        syntax.Word("backup", "a backup that the terminal has exported, to be compared", example="vesselink.bin"),
+        syntax.Word("link", "satellite link (optional if the site has only one)", example="satellite"),
+        syntax.Word("backup", "exported backup of the terminal, to compare", example="vesselink.bin"),
         syntax.VIA,
         syntax.INVENTORY,
     ),
@@ -121,12 +122,12 @@ PROVE = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "The router pings from the satellite's own address, targets of yours only. Silence counts after 90 s, "
-        "because gaps of 70 s are ordinary. Exit code 0: all is proved, 6: something failed or could not be proved, "
-        "7: nothing was tried."
+        "The router pings from the satellite link's address, and only targets of yours. A target counts as "
+        "silent after 90 s, because outages of 70 s are normal. Exit code 0: all is proved, 6: a test failed or "
+        "proved nothing, 7: nothing was tested."
     ),
     changes=True,
-    again="type the same again: rows that it has added go with its session, by the safe mode of the router",
+    again="run the same command again: the router's safe mode removes the added rows when their session ends",
 )
 
 
@@ -254,7 +255,7 @@ def _pay(session: CommandSession, cost_previews: tuple[Preview, ...]) -> None:
     words = [item.words for item in cost_previews]
     if session.is_rehearsal:
         if words and not session.as_json:
-            print(translate(f"a real proof asks first: {'; '.join(words)}"))
+            print(translate(f"a real test asks first: {'; '.join(words)}"))
         return
     for item in cost_previews:
         if item.over_cap:

@@ -30,15 +30,11 @@ IMAGE = syntax.CommandSpec(
     "prepare a gateway's image, write it to a card and verify it",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("device", "the gateway computer of it", is_required=True, example="coastal-gateway"),
+        syntax.Word("device", "gateway computer of the site", is_required=True, example="coastal-gateway"),
         syntax.Word("from", "the vendor's image: raw, xz or gz", is_required=True, example="ubuntu-minimal.img.xz"),
-        syntax.Word(
-            "to", "the card, by its link in /dev/disk/by-id; all that is on it is lost", example="/dev/disk/by-id/usb-…"
-        ),
-        syntax.Word(
-            "serial", "the card's or its reader's serial, which says that this disk is meant", example="20090516388200"
-        ),
-        syntax.Word("sha256", "of the vendor's image; else what lies beside it (x.img.xz.sha256, SHA256SUMS)"),
+        syntax.Word("to", "card path in /dev/disk/by-id; everything on it is erased", example="/dev/disk/by-id/usb-…"),
+        syntax.Word("serial", "serial number of card or reader, to confirm the disk", example="20090516388200"),
+        syntax.Word("sha256", "checksum of the vendor's image (default: file beside it)"),
         syntax.INVENTORY,
     ),
     flags=(
@@ -48,9 +44,9 @@ IMAGE = syntax.CommandSpec(
         syntax.Flag("yes", "with `serial=`: do not ask before writing"),
         syntax.JSON,
     ),
-    details="Refused, and nothing written: system disks, disks in use, disks that are not on USB or in an SD/MMC slot.",
+    details="Refused without writing: system disks, disks in use, and disks that are not on USB or in an SD/MMC slot.",
     changes=True,
-    again="type the same again: the card is written anew from its beginning",
+    again="run the same command again: the card is rewritten from the beginning",
 )
 
 
@@ -83,15 +79,15 @@ def _file(arguments: syntax.Arguments) -> Path | None:
 
     name, device = arguments.value("image-only"), arguments.optional("to")
     if (name is None) == (device is None):
-        both = "both `to=` and `--image-only` are given" if name else "where shall the image go?"
-        raise UsageError(both, hint="`to=/dev/disk/by-id/…` writes a card, `--image-only FILE` makes a file")
+        both = "`to=` and `--image-only` cannot be used together" if name else "no destination for the image"
+        raise UsageError(both, hint="`to=/dev/disk/by-id/…` writes a card, `--image-only FILE` writes a file")
     if name is None:
         return None
     file = Path(name)
     if file.exists() or file.is_symlink():
-        raise UsageError(f"{file} is there already", hint="name a new file, or remove that one")
+        raise UsageError(f"{file} already exists", hint="give a new file name, or remove the existing file")
     if not file.parent.is_dir():
-        raise UsageError(f"there is no folder {file.parent}", hint="make it first")
+        raise UsageError(f"no such folder: {file.parent}", hint="create it first")
     return file
 
 
@@ -105,7 +101,7 @@ def _card(arguments: syntax.Arguments, inventory: Inventory) -> Card:
 
     if inventory.pilot.example_values:
         raise UsageError(
-            "the inventory still holds example values, and a card made of them lets nobody in",
+            "the inventory still contains example values: nobody could log in to a gateway made from it",
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --image-only FILE",
         )
     tree, device = BlockTree(), Path(arguments.word("to"))
@@ -120,7 +116,7 @@ def _card(arguments: syntax.Arguments, inventory: Inventory) -> Card:
     if not arguments.flag("yes"):
         from atlantis_netcfg.cli.base.consent import require_agreement
 
-        require_agreement(f"Write {device}: all that is on it is lost. Go on?")
+        require_agreement(f"Write {device}: everything on it will be erased. Continue?")
     return card
 
 
@@ -135,10 +131,10 @@ def _ask_serial(card: Card) -> str:
     what = "serial" if card.disk.serial else "name and size"
     if not sys.stdin.isatty():
         raise UsageError(
-            f"nobody is here to type the {what} of the card, so nothing was written",
-            hint=f"look at the card, then add `serial={card.disk.proof} --yes`",
+            f"no terminal to type the {what} of the card; nothing was written",
+            hint=f"check the card, then add `serial={card.disk.proof} --yes`",
         )
-    question = translate(f"All that is on it is lost. Type its {what} ({card.disk.proof}) to go on:")
+    question = translate(f"Everything on it will be erased. Type its {what} ({card.disk.proof}) to continue:")
     return read_line(f"{question} ") or ""
 
 
@@ -168,21 +164,22 @@ def _print_image_result(order: ImageOrder, ready: MadeImage, outcome: dict[str, 
     if "file" in outcome:
         print(
             translate(
-                f"{outcome['file']}: the image of {order.host.name}, {outcome['size'] / 1e6:.0f} MB; "
-                "no card was touched"
+                f"{outcome['file']}: image of {order.host.name}, {outcome['size'] / 1000000.0:.0f} MB; no card was "
+                "written"
             )
         )
         return ExitCode.DONE
     write_result = outcome["written"]
     print(
         translate(
-            f"{order.host.name}: written and read back in {write_result['seconds']:.0f} s:"
-            f" {write_result['data'] / 1e6:.0f} MB of data, {write_result['cleared'] / 1e6:.0f} MB of zeros,"
-            f" {write_result['skipped'] / 1e6:.0f} MB skipped, {write_result['compared'] / 1e6:.0f} MB compared"
+            f"{order.host.name}: written and verified in {write_result['seconds']:.0f} s: "
+            f"{write_result['data'] / 1000000.0:.0f} MB of data, {write_result['cleared'] / 1000000.0:.0f} MB of "
+            f"zeros, {write_result['skipped'] / 1000000.0:.0f} MB skipped, "
+            f"{write_result['compared'] / 1000000.0:.0f} MB compared"
         )
     )
     print(translate(f"recorded in {outcome['receipt']}"))
-    print(translate("Not proved here: that the board boots from it. Its boot switch must be on MMC where it has one."))
+    print(translate("Not tested: booting the board from it. Its boot switch, if any, must be set to MMC."))
     return ExitCode.DONE
 
 
@@ -192,25 +189,21 @@ BUNDLE = syntax.CommandSpec(
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.DEVICES,
-        syntax.Word("to", "the bundle, a folder; by default one in the state directory", example="/media/usb/coastal"),
+        syntax.Word("to", "bundle folder (default: in the state folder)", example="/media/usb/coastal"),
+        syntax.Word("image", "vendor's image: lists the board's packages; also packed", example="x.img.xz"),
+        syntax.Word("status", "copy of the board's /var/lib/dpkg/status (default: via SSH)"),
         syntax.Word(
-            "image", "the vendor's image: says what is on the board already, and is packed too", example="x.img.xz"
+            "mirror", "mirror of the distribution's archive to use", example="http://mirror.example.org/ubuntu"
         ),
-        syntax.Word(
-            "status", "a copy of the board's /var/lib/dpkg/status says it; without either the board is asked by SSH"
-        ),
-        syntax.Word(
-            "mirror", "of the distribution's archive, in place of its own", example="http://mirror.example.org/ubuntu"
-        ),
-        syntax.Word("keyring", "the key of that archive, in place of the one on this computer", example="archive.gpg"),
-        syntax.Word("check", "open this bundle instead, and say whether it is whole and has what is declared"),
-        syntax.Word("key", "with `check=`: take bundles signed by this key from now on", example="4B63CF8F…"),
+        syntax.Word("keyring", "key of that archive (default: from this computer)", example="archive.gpg"),
+        syntax.Word("check", "only check that this bundle is complete and up to date"),
+        syntax.Word("key", "with `check=`: from now on, accept bundles signed by this key", example="4B63CF8F…"),
         syntax.INVENTORY,
     ),
     flags=(syntax.ASK_VAULT_PASS, syntax.JSON),
     details=(
-        "Needs apt, gpg and git, and no root; the board may be of another architecture. What was fetched before is not "
-        "fetched again. `provision site=S --offline BUNDLE` then takes nothing from anywhere else."
+        "Needs apt, gpg and git, but not root; the board may have another architecture. Existing files are not "
+        "downloaded again. `provision site=S --offline BUNDLE` then downloads nothing."
     ),
 )
 
@@ -241,12 +234,12 @@ def _refuse_both(arguments: syntax.Arguments) -> None:
     from atlantis_netcfg.core.errors import UsageError
 
     if arguments.optional("image") is not None and arguments.optional("status") is not None:
-        raise UsageError("`image=` and `status=` both say what is on the board", hint="leave one of them out")
+        raise UsageError("`image=` and `status=` cannot be used together", hint="remove one of them")
     if arguments.optional("key") is not None:
         site, key = arguments.word("site"), arguments.optional("key")
         raise UsageError(
-            "`key=` goes with `check=`",
-            hint=f"add `check=` and its folder: `provision gateway bundle site={site} check=BUNDLE key={key}`",
+            "`key=` requires `check=`",
+            hint=f"add `check=` and the bundle folder: `provision gateway bundle site={site} check=BUNDLE key={key}`",
         )
 
 
@@ -274,9 +267,9 @@ def _make(arguments: syntax.Arguments, inventory: Inventory, hosts: tuple[Host, 
     def show_size(size: BundleSize) -> None:
         if not as_json:
             local_bytes = size.whole - size.to_fetch
-            have = f", {_mb(local_bytes)} of it are here already" if local_bytes else ""
+            have = f", {_mb(local_bytes)} already downloaded" if local_bytes else ""
             print(
-                translate(f"{size.packages} packages, {_mb(size.whole)}{have}: {_mb(size.to_fetch)} to fetch"),
+                translate(f"{size.packages} packages, {_mb(size.whole)}{have}: {_mb(size.to_fetch)} to download"),
                 flush=True,
             )
 
@@ -306,15 +299,17 @@ def _print_bundle_result(manifest: Manifest, place: Path, *, as_json: bool) -> E
         return ExitCode.DONE
     for name, part in manifest.hosts.items():
         carry_bytes = sum(file.size for file in manifest.of(name).values())
-        sources = f", {len(part.libraries)} repositories of sources" if part.libraries else ""
+        sources = f", {len(part.libraries)} source repositories" if part.libraries else ""
         system = f"{part.distribution} {part.codename} {part.architecture}"
         print(
-            translate(f"{name}: {system}, {len(part.packages)} packages{sources}, {_mb(carry_bytes)} to carry at most")
+            translate(f"{name}: {system}, {len(part.packages)} packages{sources}, up to {_mb(carry_bytes)} to transfer")
         )
     if manifest.image is not None:
         print(translate(f"image: {manifest.image.name}, SHA-256 {manifest.image.sha256}"))
     print(
-        translate(f"{place}: bundle {manifest.id} of site {manifest.site}, {_mb(manifest.size)}, made {manifest.made}")
+        translate(
+            f"{place}: bundle {manifest.id} of site {manifest.site}, {_mb(manifest.size)}, created {manifest.made}"
+        )
     )
     print(translate(f"signed by {manifest.key}"))
     return ExitCode.DONE

@@ -29,7 +29,7 @@ APPLY = syntax.CommandSpec(
     words=(
         syntax.Word(
             "file",
-            "the file that `provision plan --save FILE` wrote",
+            "file written by `provision plan --save FILE`",
             is_required=True,
             example="coastal.plan",
             bare=True,
@@ -42,9 +42,9 @@ APPLY = syntax.CommandSpec(
         *syntax.CHANGE,
     ),
     details=(
-        "Site, hosts and link are those of the plan. It is refused when the file or the inventory has changed (exit "
-        "code 3), or when a device is no longer as it was (exit code 4); a device that is as planned already counts as "
-        "done. A plan of a rehearsal is carried out in a rehearsal."
+        "Site, devices and link come from the plan. The plan is refused if its file or the inventory has changed "
+        "(exit code 3), or if a device has changed (exit code 4); a device that is already as planned counts as "
+        "done. A plan of a rehearsal is applied in a rehearsal."
     ),
     changes=True,
     plays=True,
@@ -67,7 +67,7 @@ def run_apply(arguments: syntax.Arguments) -> ExitCode:
     ) as site_session:
         if site_session.inventory.revision != plan["revision"]:
             raise UsageError(
-                f"the declaration has changed since the plan in {file} was saved; no device was contacted",
+                f"the inventory has changed since the plan in {file} was saved; no device was contacted",
                 hint=f"make a new plan: `{again}`",
             )
         site_session.offline = Path(plan["offline"]) if plan["offline"] else None
@@ -99,15 +99,13 @@ def _command(plan: Mapping[str, Any], file: Path) -> str:
 def refuse_place(file: Path) -> None:
     """Raise UsageError for an unusable output file, before a device is contacted."""
     if not file.parent.is_dir():
-        raise UsageError(
-            f"`--save {file}`: there is no folder {file.parent}", hint="name a file in a folder that exists"
-        )
+        raise UsageError(f"`--save {file}`: no such folder: {file.parent}", hint="give a file in an existing folder")
     if file.exists() or file.is_symlink():
         try:
             _read(file)
         except UsageError as error:
             raise UsageError(
-                f"`--save {file}`: the file is there, and it is not a saved plan", hint="name another file"
+                f"`--save {file}`: the file exists and is not a saved plan", hint="give another file"
             ) from error
 
 
@@ -142,9 +140,7 @@ def save(session: CommandSession, report: RunReport, file: Path) -> str:
     try:
         write_atomically(file, json.dumps(document, ensure_ascii=False, indent=1).encode())
     except OSError as error:
-        raise UsageError(
-            f"{file} cannot be written: {error.strerror}", hint="name another file with `--save`"
-        ) from error
+        raise UsageError(f"cannot write {file}: {error.strerror}", hint="give another file with `--save`") from error
     words = [word for word in carried_words(session.arguments) if word != "--rehearse"]
     return shlex.join(["provision", "plan", "apply", str(file), *words])
 
@@ -156,11 +152,11 @@ def _read(file: Path) -> Mapping[str, Any]:
     try:
         plan = json.loads(file.read_bytes())
     except OSError as error:
-        raise UsageError(f"{file} cannot be read: {error.strerror}", hint=_HINT) from error
+        raise UsageError(f"cannot read {file}: {error.strerror}", hint=_HINT) from error
     except ValueError as error:
         raise UsageError(f"{file} is not a saved plan", hint=_HINT) from error
     if not isinstance(plan, dict) or set(plan) != _KEYS or plan["format"] != _FORMAT or not _is_whole(plan):
-        raise UsageError(f"{file} is not a saved plan of this version", hint=_HINT)
+        raise UsageError(f"{file} is not a plan of this version", hint=_HINT)
     if plan["sha256"] != _digest({key: plan[key] for key in plan if key != "sha256"}):
         raise UsageError(
             f"{file} was changed since the plan was saved", hint=f"make a new plan: `{_command(plan, file)}`"

@@ -29,20 +29,20 @@ QUALIFY = syntax.CommandSpec(
     words=(
         syntax.Word(
             "site",
-            "the site, in whose LAN or management network this computer stands",
+            "site whose LAN or management network this computer is in",
             is_required=True,
             example="coastal",
         ),
-        syntax.Word("link", "the link, or `all`; may be left out where there is one", example="satellite"),
+        syntax.Word("link", "the link, or `all` (optional if the site has only one)", example="satellite"),
         syntax.Word(
             "profile",
-            "what is sent: small messages, images, as much as the link carries, or all of it (if left out: telemetry)",
+            "test traffic: messages, images, maximum, all (default: telemetry)",
             choices=("telemetry", "images", "throughput", "all"),
         ),
-        syntax.Word("over", "`vpn`: through this computer's own tunnel, which is led over the link", choices=("vpn",)),
+        syntax.Word("over", "`vpn`: through this computer's tunnel, routed over the link", choices=("vpn",)),
         syntax.Word(
             "far",
-            "a reflector of others that answers STAMP (RFC 8762), in place of the declared far end; profile telemetry",
+            "STAMP reflector (RFC 8762) instead of the far end; telemetry only",
             example="192.0.2.7",
         ),
         syntax.INVENTORY,
@@ -64,17 +64,17 @@ QUALIFY = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "The site's traffic is not moved: for this computer's test packets alone (`over=vpn`: for its tunnel) the "
-        "router gets a routing rule and rows that count, under safe mode, and they are removed again. Exit code 0: "
-        "every criterion passed, and the router's counters prove the link; 6: one failed or is not proved; 7: nothing "
-        "was sent. `provision measure show`, `compare` and `history` look at what was measured."
+        "The site's traffic keeps its link. Only for this computer's test packets (`over=vpn`: its tunnel) the "
+        "router gets a routing rule and counter rows under safe mode; they are removed afterwards. Exit code 0: "
+        "every criterion passed, and the router's counters prove the link; 6: a criterion failed or is not "
+        "proved; 7: nothing was sent. `provision measure show`, `compare` and `history` show stored measurements."
     ),
     changes=True,
-    again="type the same again: rows that it has added go with its session, by the safe mode of the router",
+    again="run the same command again: the router's safe mode removes the added rows when their session ends",
 )
 
 
-_LED_ALONG = "whatever else is in this computer's tunnel goes there as well, beside the limits: close what you can"
+_LED_ALONG = "other traffic in this computer's tunnel also uses the link and is not limited: close what you can"
 
 
 def run_qualify(arguments: syntax.Arguments) -> ExitCode:
@@ -187,7 +187,7 @@ def _number(arguments: syntax.Arguments, name: str) -> Decimal | None:
     except InvalidOperation:
         number = Decimal(0)
     if not number.is_finite() or number <= 0:
-        raise UsageError(f"`--{name} {text}`: that is no number above 0", hint=f"type it like `--{name} 2.5`")
+        raise UsageError(f"`--{name} {text}`: not a number above 0", hint=f"example: `--{name} 2.5`")
     return number
 
 
@@ -313,7 +313,8 @@ def _preview(session: CommandSession, site_link: Link, selection: Selection, lim
     plan = build_plan(site_link, selection, is_rehearsal=session.is_rehearsal, over_vpn=over_vpn, confirms=far.is_ours)
     if limits.max_price is not None and link.is_metered and (link.tariff is None or link.tariff.currency != "EUR"):
         raise UsageError(
-            f"`--max-eur`: the tariff of `{link.name}` is not declared in EUR", hint=f"declare {link.tariff_key}"
+            f"`--max-eur`: the tariff of `{link.name}` in the inventory is not in EUR",
+            hint=f"set {link.tariff_key} in the inventory",
         )
     nbytes = plan.bytes if limits.max_bytes is None else min(plan.bytes, limits.max_bytes)
     seconds = plan.seconds if limits.max_seconds is None else min(plan.seconds, limits.max_seconds)
@@ -321,6 +322,6 @@ def _preview(session: CommandSession, site_link: Link, selection: Selection, lim
     if result.over_cap and not session.is_rehearsal:
         cap = (link.cap_bytes or 0) / 1_000_000
         refusal = result.refusal()
-        refusal.hint = f"add `--max-mb {cap:g}`: what is measured until then is kept; or raise {link.cap_key}"
+        refusal.hint = f"add `--max-mb {cap:g}`: results until then are kept; or raise {link.cap_key}"
         raise refusal
     return result

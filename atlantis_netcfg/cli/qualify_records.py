@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs import Store
 
 _SITE = syntax.Word("site", "the site", is_required=True, example="coastal")
-_REHEARSAL_FLAG = syntax.Flag("rehearse", "those of rehearsals instead of real ones")
-_THRESHOLDS = syntax.Flag("thresholds", "judge by other thresholds than the run's own", takes="NAME")
+_REHEARSAL_FLAG = syntax.Flag("rehearse", "use rehearsed measurements instead of real ones")
+_THRESHOLDS = syntax.Flag("thresholds", "evaluate against other thresholds", takes="NAME")
 _RUN = "satellite-20261120T093000Z"
 
 QUALIFY_SHOW = syntax.CommandSpec(
@@ -25,13 +25,13 @@ QUALIFY_SHOW = syntax.CommandSpec(
     "show a measurement of a link",
     words=(
         _SITE,
-        syntax.Word("run", "which one; the newest if left out", example=_RUN),
-        syntax.Word("link", "the newest of this link", example="satellite"),
+        syntax.Word("run", "which checklist (default: the newest)", example=_RUN),
+        syntax.Word("link", "the newest measurement of this link", example="satellite"),
     ),
     flags=(_REHEARSAL_FLAG, _THRESHOLDS, syntax.JSON),
     details=(
-        "Exit code 0: every criterion holds, and the traffic left by the link that was meant; 6: not so, or not "
-        "proved; 7: there is no such measurement."
+        "Exit code 0: every criterion passed, and the traffic used the intended link; 6: a criterion failed or is "
+        "not proved; 7: no such measurement."
     ),
 )
 QUALIFY_COMPARE = syntax.CommandSpec(
@@ -39,17 +39,19 @@ QUALIFY_COMPARE = syntax.CommandSpec(
     "compare two measurements of links",
     words=(
         _SITE,
-        syntax.Word("run", "two of them, the earlier one first", is_required=True, many=True, example=f"{_RUN},{_RUN}"),
+        syntax.Word(
+            "run", "two measurements, the earlier one first", is_required=True, many=True, example=f"{_RUN},{_RUN}"
+        ),
     ),
     flags=(_REHEARSAL_FLAG, syntax.JSON),
-    details="Differences of up to 5 % count as none. Exit code 7: there is no such measurement.",
+    details="Differences of up to 5 % are ignored. Exit code 7: no such measurement.",
 )
 QUALIFY_HISTORY = syntax.CommandSpec(
     "measure history",
     "list the measurements of a site's links",
     words=(_SITE, syntax.Word("link", "only this link", example="satellite")),
     flags=(_REHEARSAL_FLAG, syntax.JSON),
-    details="Exit code 7: there is no measurement.",
+    details="Exit code 7: no measurement found.",
 )
 
 
@@ -66,7 +68,7 @@ def run_qualify_show(arguments: syntax.Arguments) -> ExitCode:
 
     site, run, link = arguments.word("site"), arguments.optional("run"), arguments.optional("link")
     if run is not None and link is not None:
-        raise UsageError("`run=` and `link=` name a measurement each", hint="leave one of them out")
+        raise UsageError("`run=` and `link=` cannot be used together", hint="remove one of them")
     name = arguments.value("thresholds")
     thresholds = None if name is None else (name, profile(name))
     store = _store(arguments)
@@ -102,8 +104,8 @@ def run_qualify_compare(arguments: syntax.Arguments) -> ExitCode:
     site, runs, store = arguments.word("site"), arguments.many("run"), _store(arguments)
     if len(runs) != 2:  # noqa: PLR2004 - A and B
         more = " --rehearse" if store.is_rehearsal else ""
-        hint = f"type two of those that `provision measure history site={site}{more}` lists, as in `run=A,B`"
-        raise UsageError(f"two measurements are compared, and {len(runs)} were named", hint=hint)
+        hint = f"give two measurements from `provision measure history site={site}{more}`, for example `run=A,B`"
+        raise UsageError(f"exactly two measurements are needed, not {len(runs)}", hint=hint)
     first, second = (record_of(find_run(store, site, run)) for run in runs)
     comparison = compare_runs(first, second)
     if arguments.flag("json"):
@@ -174,12 +176,14 @@ def _nothing(arguments: syntax.Arguments) -> Exception:
     links = sorted({item.run.link for item in stored_runs(Store(paths.state_dir(), is_rehearsal=is_rehearsal), site)})
     others = stored_runs(Store(paths.state_dir(), is_rehearsal=not is_rehearsal), site, link)
     if links:
-        hint = f"there are measurements of: {', '.join(links)}"
+        hint = f"links with measurements: {', '.join(links)}"
     elif others:
         hint = (
-            "there are real ones: leave out `--rehearse`" if is_rehearsal else "`--rehearse` shows those of rehearsals"
+            "real measurements exist: remove `--rehearse`"
+            if is_rehearsal
+            else "`--rehearse` shows rehearsed measurements"
         )
     else:
-        hint = f"`provision measure link site={site}` makes the first one"
+        hint = f"`provision measure link site={site}` makes one"
     over = "" if link is None else f" of link `{link}`"
     return NoMatchError(f"`{site}` has no {'rehearsed' if is_rehearsal else 'real'} measurement{over}", hint=hint)

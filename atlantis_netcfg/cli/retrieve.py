@@ -25,13 +25,15 @@ RETRIEVE = syntax.CommandSpec(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word(
             "from",
-            "the gateway or robot; may be left out where the site has one",
+            "gateway or robot (optional if the site has only one)",
             example="coastal-gateway",
             values=Values.HOST,
         ),
-        syntax.Word("files", "only those whose path below the folder is like this", example="'bag-20261126-*'"),
-        syntax.Word("link", "the link that carries it; the router is asked if left out", example="4g"),
-        syntax.Word("order", "`status`: how it stands; `stop`: end it", choices=("status", "stop"), bare=True),
+        syntax.Word("files", "only files whose path matches this pattern", example="'bag-20261126-*'"),
+        syntax.Word("link", "link to use (default: ask the router)", example="4g"),
+        syntax.Word(
+            "order", "`status`: show progress; `stop`: end the transfer", choices=("status", "stop"), bare=True
+        ),
         syntax.VIA,
         syntax.INVENTORY,
     ),
@@ -49,14 +51,14 @@ RETRIEVE = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "The gateway sends by itself, at the declared share of the link, and goes on where it was after a gap, a "
-        "restart, or when you leave: Ctrl-C ends the watching alone. What is on a robot it collects first, over the "
-        "LAN. No recording is removed, neither from the gateway's own folder nor from a robot.\n"
-        "Exit code 0: every file was read again at the control centre and has the same SHA-256, 6: not yet, or not "
-        "all, 4: it has ended before, 7: there is nothing."
+        "The gateway sends on its own, within its share of the link. It continues after an outage, a restart or "
+        "when you leave: Ctrl-C ends only the progress display. It first collects recordings from a robot over "
+        "the LAN. No recording is removed, neither from the gateway's own folder nor from a robot.\nExit code 0: "
+        "every file was read back at the control centre and has the same SHA-256, 6: files are missing or "
+        "pending, 4: the transfer ended early, 7: no files found."
     ),
     changes=True,
-    again="type the same again: what has arrived is not sent twice; with `status` it shows whether it goes on",
+    again="run the same command again: received files are not sent twice; `status` shows the progress",
 )
 
 
@@ -115,7 +117,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
 
     if more := _given_words(arguments, "files", "via", "order"):
         raise UsageError(
-            f"`--rehearse` goes the whole way by itself: it takes no {' and no '.join(more)}", hint="leave that out"
+            f"`--rehearse` runs the whole transfer: it does not accept {' or '.join(more)}", hint="remove it"
         )
     site, candidates = arguments.word("site"), []
 
@@ -155,7 +157,7 @@ def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:
         return
     if more := _given_words(arguments, "files", "link"):
         raise UsageError(
-            f"`{order}` is about a transfer that was begun: it takes no {' and no '.join(more)}", hint="leave that out"
+            f"`{order}` refers to a running transfer: it does not accept {' or '.join(more)}", hint="remove it"
         )
 
 
@@ -203,8 +205,8 @@ def _in_use(session: CommandSession) -> str:
         session.hosts = gateway
     if len(active) != 1:
         raise DeviceError(
-            f"which link carries the traffic of {session.site} is not known, so nothing was sent",
-            hint=f"`provision links site={session.site}` shows more; or name it: `link=NAME`",
+            f"the active link of {session.site} is unknown; nothing was sent",
+            hint=f"`provision links site={session.site}` shows details; or choose one: `link=NAME`",
         )
     return active[0]
 
@@ -227,7 +229,7 @@ def _begin(
     program.start(plan.job(selection, new_number()))
     if session.arguments.flag("leave"):
         status = program.status()
-        lines = ["begun: the gateway sends by itself", shown_by(program.host, program.source)]
+        lines = ["started: the gateway continues on its own", shown_by(program.host, program.source)]
         code = ExitCode.DONE if status.runs or status.whole else status.exit
         return _print_answer(session, program, lines, status.as_dict(), code)
     return _watch(session, program)
@@ -249,7 +251,7 @@ def _watch(session: CommandSession, program: retrieve.RetrievalProgram) -> ExitC
                 _pause(period_s)
     except KeyboardInterrupt:
         raise OutcomeUnknown(
-            f"nobody watches any more; {name} goes on sending by itself",
+            f"progress display ended; {name} continues to send",
             hint=shown_by(program.host, program.source),
         ) from None
     return _print_status(session, program, status)
@@ -276,7 +278,7 @@ def _end_or_print_status(session: CommandSession, program: retrieve.RetrievalPro
         return _print_status(session, program, program.status())
     before = program.status()
     if not before.runs:
-        lines = ["nothing goes on, so there is nothing to stop"]
+        lines = ["no transfer is running, so there is nothing to stop"]
         return _print_answer(session, program, lines, before.as_dict(), ExitCode.NOTHING)
     after = program.stop()
     code = ExitCode.DONE if not after.runs else ExitCode.FAILED

@@ -25,16 +25,14 @@ ROBOT_VALIDATE = syntax.CommandSpec(
     "robot validate",
     "check the configuration files of robots",
     words=(
-        syntax.Word(
-            "file", "a robot's file, as its partner sent it; several one after the other", many=True, bare=True
-        ),
-        syntax.Word("vehicle", "only the file of this vehicle, below robots/ of the declaration", example="sparus"),
+        syntax.Word("file", "robot files as received from the partner (one or several)", many=True, bare=True),
+        syntax.Word("vehicle", "only the file of this vehicle, in robots/ of the inventory", example="sparus"),
         syntax.INVENTORY,
     ),
     flags=(syntax.JSON,),
     details=(
-        "No robot is contacted. Without a file and a vehicle, every file below robots/ of the declaration is checked. "
-        "Exit code 0: no errors; 3: there are; 7: there is no file. What a robot really publishes is not looked at."
+        "No robot is contacted. Without a file and a vehicle, every file in robots/ of the inventory is checked. "
+        "Exit code 0: no errors; 3: errors found; 7: no file found. What a robot actually publishes is not checked."
     ),
 )
 _DAY_S = 86_400
@@ -78,19 +76,19 @@ def _sources(arguments: syntax.Arguments, inventory: Inventory, names: KeyNames)
 
     files, vehicle = arguments.many("file"), arguments.optional("vehicle")
     if files and vehicle is not None:
-        raise UsageError("a file and `vehicle=` are two different questions", hint="leave one of them out")
+        raise UsageError("a file and `vehicle=` cannot be used together", hint="remove one of them")
     for name in files:
         if name in inventory.vehicles and not Path(name).exists():
-            raise UsageError(f"there is no file `{name}`", hint=f"type `provision robot validate vehicle={name}`")
+            raise UsageError(f"no such file: `{name}`", hint=f"run `provision robot validate vehicle={name}`")
     if vehicle is not None and vehicle not in inventory.vehicles:
-        raise UsageError(f"no vehicle is called `{vehicle}`", hint=suggest(vehicle, inventory.vehicles, none=""))
+        raise UsageError(f"no such vehicle: `{vehicle}`", hint=suggest(vehicle, inventory.vehicles, none=""))
     if files:
         return read_given(map(Path, files), inventory, names)
     sources = [each for each in read_declared(inventory, names) if vehicle in {None, each.vehicle}]
     if not sources:
         folder = shown_path(inventory.root / FOLDER)
         where = f"{folder}/{vehicle}.yml" if vehicle is not None else f"{folder}/<vehicle>.yml"
-        raise NoMatchError(f"there is no {where}", hint="put the robot's own file there: docs/robots.md says how")
+        raise NoMatchError(f"{where} does not exist", hint="put the robot's file there (see docs/robots.md)")
     return sources
 
 
@@ -101,9 +99,9 @@ def _print_sources(sources: Sequence[RobotSource]) -> None:
         for line in _source_lines(source):
             print(line)
     if warnings := [finding for source in sources for finding in source.warnings]:
-        print(translate(report(warnings, "in robots' files", warnings=True)))
-    count = "1 robot's file" if len(sources) == 1 else f"{len(sources)} robots' files"
-    print(translate(f"{count}: no errors. What a robot really publishes was not looked at."))
+        print(translate(report(warnings, "in robot files", warnings=True)))
+    count = "1 robot file" if len(sources) == 1 else f"{len(sources)} robot files"
+    print(translate(f"{count}: no errors. What a robot actually publishes was not checked."))
 
 
 def _source_lines(source: RobotSource) -> Iterator[str]:
@@ -115,7 +113,7 @@ def _source_lines(source: RobotSource) -> Iterator[str]:
     robot = source.robot
     if robot is None:
         return
-    whose = f"vehicle {source.vehicle}" if source.vehicle else "of no vehicle of this inventory"
+    whose = f"vehicle {source.vehicle}" if source.vehicle else "no vehicle of this inventory"
     yield translate(f"{shown_path(source.file)}: {robot.namespace}, {whose}")
     topics = Counter(topic.kind.value for topic in robot.topics())
     commands = Counter(kind.value for kind, _, _ in robot.every_command())
@@ -127,39 +125,39 @@ def _source_lines(source: RobotSource) -> Iterator[str]:
     for word, count, words in rows:
         yield f"  {count:>3} {translate(word):<9} {words}".rstrip()
     executor = robot.mission_executor.action
-    plans = f"plans by the action {robot.full_name(executor)}" if executor else "plans by a function of its program"
+    plans = (
+        f"planning by the action {robot.full_name(executor)}"
+        if executor
+        else "planning by a function of its own program"
+    )
     yield translate(f"      {plans}")
-    yield translate(f"      until it is registered, its configuration is {size(source.size * _DAY_S)} a day, at 1 Hz")
+    yield translate(f"      before registration it sends its configuration at 1 Hz: {size(source.size * _DAY_S)} a day")
 
 
-ADDRESS = syntax.Word("address", "this computer's address in the robots' network, where it is not found by itself")
+ADDRESS = syntax.Word("address", "this computer's address in the robot network, if not detected")
 
 ROBOT_DISCOVER = syntax.CommandSpec(
     "robot discover",
     "listen for robots at a site and compare them with their files",
     words=(
-        syntax.Word(
-            "site", "the site, to whose LAN or VPN this computer is connected", is_required=True, example="coastal"
-        ),
-        syntax.Word("for", "how long, from 5 seconds to an hour; 30 s if left out", example="30s"),
+        syntax.Word("site", "site whose LAN or VPN this computer is connected to", is_required=True, example="coastal"),
+        syntax.Word("for", "duration, from 5 seconds to 1 hour (default: 30 s)", example="30s"),
         syntax.Word(
             "from",
-            "the gateway or control centre that listens, over SSH; this computer if left out",
+            "listen on this gateway or control centre, over SSH",
             example="scc-control",
         ),
         ADDRESS,
-        syntax.Word("record", "write all messages into this new folder, as a bag of rosbag2", example="bags/quay"),
-        syntax.Word(
-            "save", "write the file of this robot as it was heard, once its vehicle is declared", example="lauv"
-        ),
+        syntax.Word("record", "record all messages to this new folder (rosbag2)", example="bags/quay"),
+        syntax.Word("save", "write the robot file of this vehicle from what was received", example="lauv"),
         syntax.INVENTORY,
     ),
     flags=(syntax.JSON, syntax.ACCEPT_COST, syntax.ASK_VAULT_PASS),
     details=(
-        "From this computer, without ROS; nothing is sent but announcements of DDS, about 0.3 MB a minute. Topics of "
-        "ROS 2 alone are heard, in the domain of the pilot. A recording holds the robots' tokens: its folder is for "
-        "you alone. It ends at 1 GB. Exit code 0: every robot that is tested there was heard and is as it says; 6: one "
-        "was not, a stranger was heard, or nothing at all, or the recording ended early."
+        "Runs on this computer without ROS, and sends only DDS announcements, about 0.3 MB a minute. It receives "
+        "only ROS 2 topics in the pilot's domain. A recording contains the robots' tokens, so its folder is "
+        "private. It stops at 1 GB. Exit code 0: every robot tested there was received and matches its file; 6: "
+        "a robot is missing or differs, an unknown one or none at all was received, or the recording ended early."
     ),
 )
 
@@ -198,7 +196,7 @@ def run_robot_discover(arguments: syntax.Arguments) -> ExitCode:
             more["recording"] = record.as_dict()
         print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **more}))
     elif robot_file is not None:
-        print(translate(f"{robot_file} was written, its token encrypted: look at it before you keep it"))
+        print(translate(f"{robot_file} was written, with its token encrypted: review it before you keep it"))
     return code
 
 
@@ -211,7 +209,7 @@ def _record(arguments: syntax.Arguments, inventory: Inventory) -> BagRecorder | 
     if folder is None:
         return None
     if arguments.optional("from") is not None:
-        raise UsageError("`record=` is of this computer, and `from=` names another", hint="leave one of them out")
+        raise UsageError("`record=` works only on this computer, and `from=` names another", hint="remove one of them")
     return robots.recorder(inventory, folder)
 
 
@@ -220,11 +218,11 @@ def _tell_heard(observation: RobotObservation, reports: Sequence[RobotReport], n
         for line in _report_lines(report):
             print(line)
     count = len(observation.participants)
-    print(translate(f"participants of domain {number} that were heard in {observation.seconds:.0f} s: {count}"))
+    print(translate(f"participants of domain {number} received in {observation.seconds:.0f} s: {count}"))
     if observation.program == "rclpy":
-        print(translate("heard by ROS 2's own library, with which this was never tried: docs/robots.md"))
+        print(translate("received with ROS 2's own library, which was never tested here: docs/robots.md"))
     if not count:
-        print(translate("silence proves nothing: is a robot on, in this network, and in this domain?"))
+        print(translate("this proves nothing: is a robot switched on, in this network and in this domain?"))
 
 
 def _tell_recording(record: BagRecorder | None) -> None:
@@ -236,7 +234,7 @@ def _tell_recording(record: BagRecorder | None) -> None:
     if record.messages:
         print(translate(f"recorded in {shown_path(record.folder)}: {record.messages} messages, {size(record.octets)}"))
     elif not record.reason:
-        print(translate("nothing was recorded, for no message of a known type came"))
+        print(translate("nothing was recorded: no message of a known type was received"))
     if record.reason:
         print(translate(f"the recording ended early: {record.reason}"))
 
@@ -256,10 +254,10 @@ def _listen(
         _pay(arguments, inventory, site, seconds, lambda: robots.listening_address(inventory, site, address))
         return robots.discover(inventory, site, seconds, address, record)
     if address is not None:
-        raise UsageError("`address=` is one of this computer, and `from=` names another", hint="leave one of them out")
+        raise UsageError("`address=` belongs to this computer, and `from=` names another", hint="remove one of them")
     if place not in inventory.hosts:
         computers = [host.name for host in inventory.hosts.values() if isinstance(host.device, ServerComputer)]
-        raise UsageError(f"`from={place}` is no host of the inventory", hint=suggest(place, computers, none=""))
+        raise UsageError(f"`from={place}` is not a host of the inventory", hint=suggest(place, computers, none=""))
     host = inventory.hosts[place]
     device = remote.listening_computer(inventory, host)
     _pay(arguments, inventory, site, seconds, lambda: str(device.address))
@@ -279,7 +277,7 @@ def _pay(
     if cost is None:
         return
     place = f"`from={gateway.name}`" if gateway is not None else site
-    hint = f"type the same with `--accept-cost`, or listen at the site: {place}"
+    hint = f"run the same command with `--accept-cost`, or listen at the site: {place}"
     if cost.over_cap:
         hint = f"listen at the site: {place}"
     try:
@@ -333,32 +331,29 @@ def _heard_as_json(observation: RobotObservation, reports: Sequence[RobotReport]
     }
 
 
-_LOOP = syntax.Flag("loop", "begin the recording again when it is over")
+_LOOP = syntax.Flag("loop", "restart the recording when it ends")
 
 ROBOT_MOCK = syntax.CommandSpec(
     "robot mock",
     "simulate a robot, or replay a recording, to test a control centre",
     words=(
-        syntax.Word(
-            "vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"
-        ),
-        syntax.Word("site", "for the listeners of this site; on this computer alone if left out", example="coastal"),
-        syntax.Word("for", "how long, from 5 seconds to an hour; else until Ctrl-C", example="5m"),
-        syntax.Word(
-            "bag", "publish this recording with its timing: a folder of rosbag2, stored as sqlite3", example="bags/quay"
-        ),
+        syntax.Word("vehicle", "only these robots (default: all of the inventory)", many=True, example="sparus"),
+        syntax.Word("site", "publish to this site (default: this computer only)", example="coastal"),
+        syntax.Word("for", "duration, from 5 seconds to 1 hour (default: until Ctrl-C)", example="5m"),
+        syntax.Word("bag", "recording to replay with its timing: rosbag2 folder (sqlite3)", example="bags/quay"),
         ADDRESS,
         syntax.INVENTORY,
     ),
     flags=(_LOOP,),
     details=(
-        "From this computer, without ROS, by the names and types of ROS 2. Its position is a circle off Viana do "
-        "Castelo, whatever it is commanded; a boolean that a condition names changes every minute, the others are "
-        "false. A command takes 3 seconds, each step of a plan one; the status that it reports is 0, for its values "
-        "are unknown. Who sends commands and plans needs RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; topics are read by "
-        "every ROS 2. The tokens of the robots' files are published: use examples. Of a recording everything is "
-        "published whose type is known, also what a robot would obey: with `site=` only where no robot is. Its stamps "
-        "stay, so that `robot discover` calls them stale."
+        "Runs on this computer without ROS, with ROS 2 names and types. The robot moves in a circle off Viana do "
+        "Castelo, whatever the command. A boolean used in a condition changes every minute; all others are "
+        "false. A command takes 3 seconds, each step of a plan 1 second; the reported status is always 0, "
+        "because its values are unknown. Senders of commands and plans need "
+        "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; every ROS 2 can read the topics. The tokens in the robot files "
+        "are published: use example tokens. A replay publishes every message of a known type, including commands "
+        "that a robot would obey: use `site=` only where there is no robot. Time stamps are not changed, so "
+        "`robot discover` reports them as stale."
     ),
 )
 
@@ -378,14 +373,14 @@ def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
     for vehicle in arguments.many("vehicle"):
         if vehicle not in inventory.vehicles:
             hint = suggest(vehicle, inventory.vehicles, none="")
-            raise UsageError(f"no vehicle is called `{vehicle}`", hint=hint)
+            raise UsageError(f"no such vehicle: `{vehicle}`", hint=hint)
     span = arguments.optional("for")
     seconds = robots.seconds_of(span) if span else None
     place, bag = robots.mock_place(inventory, site, arguments.optional("address")), arguments.optional("bag")
     if bag is not None:
         return _replay(arguments, inventory, bag, place, seconds)
     if arguments.flag("loop"):
-        raise UsageError("`--loop` is for a recording", hint="add it: `bag=FOLDER`")
+        raise UsageError("`--loop` requires a recording", hint="add it: `bag=FOLDER`")
     robots_here: list[MockRobot] = []
 
     def watch(mocks: Sequence[MockRobot]) -> None:
@@ -410,8 +405,7 @@ def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
         accepted_count, refused_count, unreadable = (counts[word] for word in ("accepted", "refused", "unreadable"))
         print(
             translate(
-                f"  {each.robot.name}: goals accepted {accepted_count}, refused {refused_count}, "
-                f"not understood {unreadable}"
+                f"  {each.robot.name}: goals accepted {accepted_count}, refused {refused_count}, invalid {unreadable}"
             )
         )
     return ExitCode.DONE if robots_here else ExitCode.NOTHING
@@ -420,7 +414,7 @@ def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
 def _tell_limits(mocks: Sequence[MockRobot]) -> None:
     for line in (line for each in mocks for line in each.limits()):
         print(f"  {translate(line)}")
-    print(translate("Ctrl-C ends it"), flush=True)
+    print(translate("Ctrl-C stops it"), flush=True)
 
 
 def _tell_goals(mocks: Sequence[MockRobot]) -> None:
@@ -439,17 +433,19 @@ def _replay(
     from atlantis_netcfg.operations import robots
 
     if arguments.many("vehicle"):
-        raise UsageError("a recording and `vehicle=` are two different robots", hint="leave one of them out")
+        raise UsageError("a recording and `vehicle=` cannot be used together", hint="remove one of them")
     players: list[BagPlayer] = []
 
     def tell(contents: Bag, player: BagPlayer) -> None:
         players.append(player)
-        names = ", ".join(sorted({*contents.robots.values()} - {""})) or translate("no robot introduces itself")
+        names = ", ".join(sorted({*contents.robots.values()} - {""})) or translate(
+            "the recording does not identify a robot"
+        )
         number = robots.dds_of(inventory).domain
         print(printable.line(translate(f"at {place.address}, in domain {number}: {names}")))
-        print(translate(f"{len(contents.topics)} topics, {contents.seconds:.0f} s; Ctrl-C ends it"))
+        print(translate(f"{len(contents.topics)} topics, {contents.seconds:.0f} s; Ctrl-C stops it"))
         for topic, kind in contents.left_out.items():
-            print(printable.line(translate(f"left out: {topic}, whose type {kind} is not known here")), flush=True)
+            print(printable.line(translate(f"skipped: {topic}, unknown type {kind}")), flush=True)
 
     with suppress(KeyboardInterrupt):
         robots.replay(inventory, bag, place, seconds, tell, loop=arguments.flag("loop"))

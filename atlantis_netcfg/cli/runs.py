@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 RUNS = syntax.CommandSpec(
     "report runs",
-    "list past runs and what is unfinished",
+    "list past and unfinished runs",
     words=(syntax.Word("site", "only the runs of this site", example="coastal"),),
     flags=(
         syntax.Flag("rehearse", "the runs of rehearsals instead of real ones"),
@@ -45,13 +45,13 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     rows = [row for site in sites for row in _rows(store, site, aside[site] if everything else ())]
     archived_count = sum(map(len, aside.values()))
     if not rows:
-        raise errors.NoMatchError("there are no runs", hint="`provision site=NAME` makes the first one")
+        raise errors.NoMatchError("no runs found", hint="`provision site=NAME` starts one")
     if arguments.flag("json"):
         print(json_text({"exit": int(errors.ExitCode.DONE), "errors": [], "runs": rows, "archived": archived_count}))
     else:
         print("\n".join(_line(row) for row in rows))
         if archived_count and not everything:
-            print(translate(f"{archived_count} older runs are put aside: `provision report runs --all` lists them too"))
+            print(translate(f"{archived_count} older runs are archived: `provision report runs --all` lists them too"))
     return errors.ExitCode.DONE
 
 
@@ -60,9 +60,7 @@ def _sites(store: Store, site: str | None) -> tuple[str, ...]:
     if site is None:
         return sites
     if site not in sites:
-        raise errors.NoMatchError(
-            f"there are no runs of `{site}`", hint=f"there are runs of: {', '.join(sites) or 'no site'}"
-        )
+        raise errors.NoMatchError(f"no runs of `{site}`", hint=f"sites with runs: {', '.join(sites) or 'no site'}")
     return (site,)
 
 
@@ -101,7 +99,7 @@ def _row(run: Run, site: str, *, is_open: bool) -> dict[str, Any]:
 
 
 def _line(row: dict[str, Any]) -> str:
-    end = f"UNFINISHED, go on: `{row['next']}`" if row["unfinished"] else f"exit {row['exit']}"
+    end = f"UNFINISHED, continue: `{row['next']}`" if row["unfinished"] else f"exit code {row['exit']}"
     devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
     purpose = f"{translate('emulated devices prepared:')} " if row["prepares"] else ""
     damage = f"  DAMAGED JOURNAL: {', '.join(row['damage'])}" if row["damage"] else ""
@@ -120,12 +118,12 @@ _WORDS = (
     syntax.VIA,
     syntax.INVENTORY,
 )
-_REHEARSE = syntax.Flag("rehearse", "the same run against emulated devices of the site", harmless=True)
-_OFFLINE = syntax.Flag("offline", "gateways take packages and sources from this bundle alone", takes="BUNDLE")
+_REHEARSE = syntax.Flag("rehearse", "run against emulated devices of the site", harmless=True)
+_OFFLINE = syntax.Flag("offline", "gateways install only from this bundle", takes="BUNDLE")
 
 SITE = syntax.CommandSpec(
     "run",
-    "configure a site: plan, ask, apply, verify",
+    "configure a site: plan, confirm, apply, verify",
     words=_WORDS,
     flags=(_REHEARSE, syntax.PROFILE, _OFFLINE, syntax.YES, *syntax.CHANGE, syntax.STREAM),
     changes=True,
@@ -152,7 +150,7 @@ def run_site(arguments: syntax.Arguments) -> errors.ExitCode:
 
 PLAN = syntax.CommandSpec(
     "plan",
-    "show what a run would change and cost; apply a saved plan",
+    "show changes and costs of a run; apply a saved plan",
     words=_WORDS,
     flags=(
         syntax.SUMMARY,
@@ -191,7 +189,8 @@ def _bundle(arguments: syntax.Arguments) -> Path | None:
     path_text = arguments.value("offline")
     if path_text is not None and arguments.flag("rehearse"):
         raise errors.UsageError(
-            "`--offline` with `--rehearse`: the gateways of a rehearsal are not the systems that a bundle is made for",
-            hint="leave one of them out; `provision plan` shows what would be taken from the bundle",
+            "`--offline` cannot be combined with `--rehearse`: emulated gateways are not the systems that a bundle "
+            "is made for",
+            hint="remove one of them; `provision plan` shows what the bundle would supply",
         )
     return Path(path_text).absolute() if path_text is not None else None

@@ -27,17 +27,13 @@ SURVEY = syntax.CommandSpec(
     "measure the coverage of a 4G link along a track",
     words=(
         syntax.Word("site", "the site", is_required=True, example="te4sea"),
-        syntax.Word("link", "the 4G link; may be left out where there is one", example="4g"),
-        syntax.Word(
-            "gps", "`gateway`, `here`, or the address of a gpsd; else the gateway if it has one", example="here"
-        ),
-        syntax.Word("every", "metres and seconds between two points", example="50m,30s"),
-        syntax.Word("for", "how long, from 1 minute to 24 hours; else until Ctrl-C", example="1h"),
-        syntax.Word("to", "a folder that gets copies of the files", example="coverage"),
-        syntax.Word(
-            "coast", "GeoJSON file of a coast, or `natural-earth`: coarse, up to 1 km off", example="coast.geojson"
-        ),
-        syntax.Word("from", "a survey that was made before: only its files are made again", example="20261120T101500Z"),
+        syntax.Word("link", "4G link (optional if the site has only one)", example="4g"),
+        syntax.Word("gps", "`gateway`, `here` or a gpsd address (default: the gateway)", example="here"),
+        syntax.Word("every", "metres and seconds between points", example="50m,30s"),
+        syntax.Word("for", "duration, from 1 minute to 24 hours (default: until Ctrl-C)", example="1h"),
+        syntax.Word("to", "also copy the files to this folder", example="coverage"),
+        syntax.Word("coast", "GeoJSON coastline, or `natural-earth` (coarse, up to 1 km off)", example="coast.geojson"),
+        syntax.Word("from", "an earlier survey: only rewrite its files", example="20261120T101500Z"),
         syntax.INVENTORY,
     ),
     flags=(
@@ -50,9 +46,9 @@ SURVEY = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "Nothing is changed. A point without a fresh fix has no position, and nothing is interpolated. Ctrl-C ends the "
-        "survey and keeps all of it. Exit code 0: there are positions, levels and answers, 6: one of these is missing "
-        "everywhere, 7: there is no point."
+        "Nothing is changed. A point without a fresh fix has no position; nothing is interpolated. Ctrl-C ends "
+        "the survey and keeps all results. Exit code 0: there are positions, levels and responses, 6: one of "
+        "these is missing everywhere, 7: no point was recorded."
     ),
 )
 
@@ -84,13 +80,11 @@ def _check_arguments(arguments: syntax.Arguments) -> None:
     from atlantis_netcfg.inventory import ALL
 
     if arguments.word("site") == ALL:
-        raise UsageError(
-            "`provision measure coverage` is about one site at a time", hint="type its name: `site=te4sea`"
-        )
+        raise UsageError("`provision measure coverage` takes one site at a time", hint="type its name: `site=te4sea`")
     if arguments.flag("clicks") and arguments.flag("rehearse"):
         raise UsageError(
-            "typed positions cannot be rehearsed: the emulated coverage belongs to the emulated track",
-            hint="leave out `--clicks` or `--rehearse`",
+            "typed positions cannot be rehearsed: the emulated coverage needs the emulated track",
+            hint="remove `--clicks` or `--rehearse`",
         )
 
 
@@ -230,13 +224,13 @@ def _begin_words(session: CommandSession, survey: RunningSurvey) -> None:
         return
     link, plan = survey.link, survey.plan
     if survey.tester is None:
-        print(translate(f"The unit of {link} is read; nothing is sent over the link"), flush=True)
+        print(translate(f"Reading the unit of {link}; nothing is sent over the link"), flush=True)
     else:
         pace = plan.test_every_s(survey.tester.transport.headers)
         most = plan.hourly_bytes / 1_000_000
-        print(translate(f"A test over {link} every {pace:.0f} s: at most {most:g} MB in any hour"), flush=True)
+        print(translate(f"One test over {link} every {pace:.0f} s: up to {most:g} MB an hour"), flush=True)
     if not session.is_rehearsal and plan.max_seconds is None and not session.arguments.flag("clicks"):
-        print(translate("Ctrl-C ends the survey and keeps all of it"), flush=True)
+        print(translate("Ctrl-C ends the survey and keeps all results"), flush=True)
 
 
 def _by_clicks(survey: RunningSurvey) -> str:
@@ -247,11 +241,11 @@ def _by_clicks(survey: RunningSurvey) -> str:
 
     assert isinstance(survey.positions, TypedPositions)  # noqa: S101 - `--clicks` has chosen it
     survey.begin()
-    question = translate("Where are you? LAT, LON, or NAME: LAT, LON, or NAME (Enter: the same place; Ctrl-D ends): ")
+    question = translate("Your position? LAT, LON, or NAME: LAT, LON, or NAME (Enter: same position; Ctrl-D ends): ")
     try:
         while True:
             if not survey.positions.type(input(question)):
-                print(translate("  that is no position: type it like 41.6864, -8.8388"))
+                print(translate("  not a position: type it like 41.6864, -8.8388"))
             elif survey.take().no_test == STOP_REASON:
                 return EndReason.STOPPED
     except EOFError:
@@ -305,10 +299,10 @@ def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_r
         return result.exit
     lines = [
         f"Survey of {survey.header.link} of {survey.header.site}, {survey.header.id}",
-        *(["emulated devices, nothing real was asked"] if is_rehearsal else []),
+        *(["emulated devices; no real device was contacted"] if is_rehearsal else []),
         *(f"  {line}" for line in summary(survey)),
         *([f"  {count_limits(len(beyond))}"] if beyond else []),
-        f"kept: {folder}",
+        f"saved: {folder}",
         result.words,
     ]
     for line in lines:

@@ -19,9 +19,9 @@ USE = syntax.CommandSpec(
     "route a site's traffic over one link for a limited time",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("link", "the link that is to carry the traffic", example="4g"),
-        syntax.Word("for", "how long, from 1 minute to 24 hours", example="30m"),
-        syntax.Word("order", "`end`: the declared order holds again from now on", choices=("end",), bare=True),
+        syntax.Word("link", "the link to use", example="4g"),
+        syntax.Word("for", "duration, from 1 minute to 24 hours", example="30m"),
+        syntax.Word("order", "`end`: return to the link order of the inventory now", choices=("end",), bare=True),
         syntax.VIA,
         syntax.INVENTORY,
     ),
@@ -38,9 +38,9 @@ USE = syntax.CommandSpec(
         syntax.VERBOSE,
     ),
     details=(
-        "The end stands in a job of the router, which comes with the change: nobody has to come back. A restart of the "
-        "router ends it, too. Failover goes on: where the link fails, the next one takes over as declared.\n"
-        "Type it again to make it longer, shorter, or to take another link. It needs a router that may run jobs."
+        "The router ends it with a scheduler job that is part of the change: nobody has to return. A restart of "
+        "the router ends it, too. Failover stays active: if the link fails, the next one in the inventory takes "
+        "over.\nRun it again to change the duration or the link. It needs a router that may run scheduler jobs."
     ),
     changes=True,
     plays=True,
@@ -83,18 +83,18 @@ def _for_s(arguments: syntax.Arguments) -> int | None:
 
     site, span = arguments.word("site"), arguments.optional("for")
     given_names = [name for name in ("link", "for") if arguments.optional(name) is not None]
-    whole = f"type `provision links use site={site} link=4g for=30m`, or `provision links use site={site} end`"
+    whole = f"run `provision links use site={site} link=4g for=30m`, or `provision links use site={site} end`"
     if arguments.optional("order") is None:
         if span is None or len(given_names) < 2:  # noqa: PLR2004 - both words
             missing = " and ".join(f"`{name}=`" for name in ("link", "for") if name not in given_names)
             raise UsageError(f"{missing} {'are' if len(given_names) == 0 else 'is'} missing", hint=whole)
         return span_s(span)
     if given_names:
-        raise UsageError("`end` ends whatever is in use: it takes no link and no time", hint=whole)
+        raise UsageError("`end` ends any temporary use: it accepts neither a link nor a duration", hint=whole)
     if arguments.flag("rehearse"):
         raise UsageError(
-            "`end` has nothing to end on an emulated router",
-            hint="type it with `link=` and `for=`: that rehearses the end, too",
+            "`end` has no effect on an emulated router",
+            hint="use `link=` and `for=`: that also rehearses the end",
         )
     return None
 
@@ -152,10 +152,10 @@ def _pay(session: CommandSession, use_request: UseRequest) -> None:
     link = link_of(session.inventory, session.site, use_request.link.name)
     if not link.is_metered or session.arguments.flag("plan"):
         return
-    words = f"{use_request.cost(link).words}: all that the site sends and receives within that time"
+    words = f"{use_request.cost(link).words}: all traffic of the site within that time"
     if session.is_rehearsal:
         if not session.as_json:
-            print(translate(f"a real use asks first: {words}"))
+            print(translate(f"a real run asks first: {words}"))
         return
     pay([words], is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)
 
@@ -167,14 +167,18 @@ def _rehearse(session: CommandSession, use_request: UseRequest) -> RunReport:
     report = session.perform(Mode.APPLY)
     if report.exit:
         return report
-    _see(session, use_request.link.name, "it is in use instead of the declared order")
+    _see(session, use_request.link.name, "it is in use instead of the order in the inventory")
     session.use = None
     again = session.perform(Mode.APPLY)
     if again.exit or any(result["planned"] for result in again.devices.values()):
         return again
-    _tell(session, "a run of the site changes nothing of it")
+    _tell(session, "a run of the site does not change this")
     _wait(session, use_request.for_s)
-    _see(session, session.inventory.sites[session.site].bearers[0].name, "the declared order is back by itself")
+    _see(
+        session,
+        session.inventory.sites[session.site].bearers[0].name,
+        "the router has restored the order of the inventory",
+    )
     return report
 
 
@@ -185,7 +189,7 @@ def _see(session: CommandSession, link: str, words: str) -> None:
 
     active = [status.name for status in read_links(session).links if status.active]
     if active != [link]:
-        raise NetcfgError(f"{link} does not carry the traffic of the emulated router, but {active}")
+        raise NetcfgError(f"{link} does not carry the traffic of the emulated router: it uses {active}")
     _tell(session, f"{link} carries the traffic: {words}")
 
 

@@ -74,27 +74,26 @@ echo "sshd does not read {SSHD}: begin /etc/ssh/sshd_config with the line"
 echo "Include /etc/ssh/sshd_config.d/*.conf"
 exit 1
 """
-_SET_WATCHDOG = f"""\
-systemctl daemon-reexec || exit 1
-if [ -e {WATCHDOG} ] && ! [ -e /dev/watchdog0 ] && ! [ -e /dev/watchdog ]; then
-    echo "this board shows no watchdog (/dev/watchdog0): load its driver, or take watchdog_s out of the declaration"
-    exit 1
-fi
-"""
+_SET_WATCHDOG = (
+    f"systemctl daemon-reexec || exit 1\nif [ -e {WATCHDOG} ] && ! [ -e /dev/watchdog0 ] && ! [ -e "
+    '/dev/watchdog ]; then\n    echo "this board has no watchdog (/dev/watchdog0): load its driver, or '
+    'remove watchdog_s from the inventory"\n    exit 1\nfi\n'
+)
 
 STEPS = (
     ConvergeStep("generate the locale", ("locale-gen",), (LOCALES,)),
     ConvergeStep("set the host name", ("hostname", "-F", HOSTNAME), (HOSTNAME,)),
-    ConvergeStep("set values of the kernel", ("sh", "-c", _SET_KERNEL), (SYSCTL,)),
-    ConvergeStep("see that sshd reads its new file", ("sh", "-c", _OBEYS), (SSHD, "/etc/ssh/sshd_config")),
+    ConvergeStep("set kernel parameters", ("sh", "-c", _SET_KERNEL), (SYSCTL,)),
+    ConvergeStep("check that sshd reads its new file", ("sh", "-c", _OBEYS), (SSHD, "/etc/ssh/sshd_config")),
     ConvergeStep("set the watchdog", ("sh", "-c", _SET_WATCHDOG), (WATCHDOG,)),
 )
 
 CHECKS = (
     Check(
         ("sh", "-c", "! command -v cloud-init >/dev/null || ! grep -qw cloud-init=enabled /proc/cmdline"),
-        "cloud-init is switched on by the kernel's command line, and writes name, address and accounts anew",
-        "on the computer: take `cloud-init=enabled` out of what its boot loader tells the kernel, then `sudo reboot`",
+        "the kernel command line enables cloud-init, which overwrites name, address and accounts",
+        "on the computer: remove `cloud-init=enabled` from the kernel command line in its boot loader, then `sudo "
+        "reboot`",
     ),
 )
 
@@ -398,7 +397,7 @@ def _files(view: BaseView) -> Iterator[File]:
             _text(view, "nftables.conf.j2"),
             validate=("nft", "-c", "-f", "%s"),
             hint=_NO_FIREWALL,
-            finding="the declared firewall is not in force",
+            finding="the firewall of the inventory is not active",
         ),
     )
     if view.watchdog_s is not None:
@@ -408,8 +407,8 @@ def _files(view: BaseView) -> Iterator[File]:
 
 
 _NO_FIREWALL = (
-    "where its words are `Operation not supported`, the kernel of this computer was built without nf_tables: "
-    "`nft list ruleset` shows it. Take a newer image of the vendor"
+    "if the error is `Operation not supported`, the kernel of this computer lacks nf_tables: check with "
+    "`nft list ruleset`. Use a newer image from the vendor"
 )
 
 

@@ -97,8 +97,8 @@ class PodmanContainer:
         """Return the check that the container runs the image of the inventory."""
         return parts.Check(
             (self.script, "image"),
-            f"the service `{self.service}` does not run from the declared image",
-            f"its archive {self.archive} has to be on the computer as {IMAGES}/{self.sha256}.tar, or in the bundle",
+            f"the service `{self.service}` does not run from the image of the inventory",
+            f"its archive {self.archive} must be on the computer as {IMAGES}/{self.sha256}.tar, or in the bundle",
         )
 
 
@@ -107,6 +107,6 @@ def folder_budget_check(service: str, folder: str, budget_mb: int) -> parts.Chec
     look = f'[ ! -d "$1" ] || [ "$(du -s -B {_MB} "$1" | cut -f 1)" -le "$2" ]'
     return parts.Check(
         ("sh", "-c", look, "sh", folder, str(budget_mb)),
-        f"the service `{service}` holds more than {budget_mb} MB in {folder}",
-        f"on the computer: `du -sh {folder}`; remove what is not needed, or declare another `budget_mb`",
+        f"the service `{service}` uses more than {budget_mb} MB in {folder}",
+        f"on the computer: `du -sh {folder}`; remove what is not needed, or set another `budget_mb`",
     )

@@ -306,13 +306,13 @@ def _tuning(inventory: Inventory, kind: model.LinkKind, sites: set[str | None]) 
 
 def _require_dds(inventory: Inventory) -> model.Dds:
     if inventory.pilot.dds is None:
-        raise UsageError("the pilot declares no DDS", hint="write `dds: {distribution: foxy}` below `pilot:`")
+        raise UsageError("the pilot has no DDS settings", hint="write `dds: {distribution: foxy}` below `pilot:`")
     return inventory.pilot.dds
 
 
 def _release(name: str) -> DdsRelease:
     if name not in RELEASES:
-        raise UsageError(f"`{name}` is no release that is known here", hint=f"there are: {', '.join(RELEASES)}")
+        raise UsageError(f"`{name}` is not a known release", hint=f"known releases: {', '.join(RELEASES)}")
     return RELEASES[name]
 
 

@@ -61,7 +61,7 @@ def dds_link(inventory: Inventory, host: Host) -> DdsLink | None:
 
 def dds_link_unit(link: DdsLink | None) -> parts.Configuration:
     """Build the unit that sends the echo (pure); None: the step that removes it."""
-    away = stop_step("stop asking whether DDS may cross the link in use", SERVICE)
+    away = stop_step("stop checking whether DDS may use the active link", SERVICE)
     if link is None:
         return parts.Configuration(absent=(_UNIT,), steps=(away,))
     text = environment().get_template("gateway/dds-link.service.j2").render(link=link)

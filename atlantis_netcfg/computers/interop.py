@@ -100,9 +100,11 @@ def _configuration(interop: model.Interop | None, ros: str) -> parts.Configurati
         files=files,
         absent=tuple(path for path in (_UNIT, _COMMAND, _SETUP_SCRIPT, _LOGS) if path not in file_paths),
         steps=(
-            parts.ConvergeStep("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
-            parts.ConvergeStep("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
-            services.vpn_bound_step("start the data gateway with the VPN, or take it away", SERVICE),
+            parts.ConvergeStep("create the account of the data gateway", ("systemd-sysusers", _USER), (_USER,)),
+            parts.ConvergeStep(
+                "create the logs of the data gateway", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)
+            ),
+            services.vpn_bound_step("start the data gateway with the VPN, or remove it", SERVICE),
         ),
         units=units if _UNIT in file_paths else (),
         checks=_CHECKS if _UNIT in file_paths else (),
@@ -122,10 +124,10 @@ _CHECKS = (
         ("sh", "-c", _CHECK_CPU_QUOTA),
         "`cpu_percent` of the data gateway is not enforced: nothing here shows that the kernel was built with "
         "CONFIG_CFS_BANDWIDTH",
-        "take a kernel that has it; until then look at what the data gateway takes: `systemd-cgtop` on the computer",
+        "use a kernel that has it; until then, watch the load of the data gateway: `systemd-cgtop` on the computer",
     ),
 )
-_NO_COMMAND = "look at `command` of `service:`: a quotation mark may be missing"
+_NO_COMMAND = "check `command` of `service:`: a quotation mark may be missing"
 
 
 def _render(template: str, **values: object) -> str:

@@ -244,13 +244,13 @@ class GatewayRadios:
         """Steps in order: radios no longer in the inventory are removed before others are started."""
         names = " ".join(unit for _, unit, _, _ in self._running)
         remove = parts.ConvergeStep(
-            "take away the radios that are declared no more",
+            "remove radios that are no longer in the inventory",
             ("sh", "-c", _TAKE_AWAY, "sh", f" {' '.join(self._networks)} ", f" {names} "),
             (UNIT, ACCESS_POINT_UNIT),
         )
         start = (
             parts.ConvergeStep(
-                f"start {name} where it is plugged in", ("sh", "-c", _START, "sh", unit, name), (file, read)
+                f"start {name} if it is plugged in", ("sh", "-c", _START, "sh", unit, name), (file, read)
             )
             for name, unit, file, read in self._running
         )
@@ -281,14 +281,14 @@ class GatewayRadios:
     def _missing_join_text(self, radio: JoiningRadio) -> str:
         name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
         if self.is_rehearsal:
-            return f"not rehearsed: {name} joins the access point of {vehicles}, for this machine has no radio"
-        return f"there is no radio {name} here, which joins the access point of {vehicles}: plug it in"
+            return f"not rehearsed: {name} joins the access point of {vehicles}; this machine has no radio"
+        return f"radio {name}, which joins the access point of {vehicles}, is missing: plug it in"
 
     def _missing_network_text(self, access_point: OpenedNetwork) -> str:
         name, ssid = access_point.interface, access_point.radio.ssid
         if self.is_rehearsal:
-            return f"not rehearsed: {name} opens the network {ssid}, for this machine has no radio"
-        return f"there is no radio {name} here, which opens the network {ssid}: plug it in"
+            return f"not rehearsed: {name} opens the network {ssid}; this machine has no radio"
+        return f"radio {name}, which opens the network {ssid}, is missing: plug it in"
 
     @property
     def checks(self) -> tuple[parts.Check, ...]:
@@ -296,8 +296,10 @@ class GatewayRadios:
         names = [name for name, _, _, _ in self._running]
         if not names:
             return ()
-        hint = "on the computer: `nmcli device set NAME managed no`, and so in a file of /etc/NetworkManager/conf.d"
-        finding = f"NetworkManager drives a radio of {', '.join(names)} as well, and may take it away"
+        hint = (
+            "on the computer: `nmcli device set NAME managed no`, and the same in a file of /etc/NetworkManager/conf.d"
+        )
+        finding = f"NetworkManager also manages a radio of {', '.join(names)}, and may take it over"
         return (parts.Check(("sh", "-c", _ALONE, "sh", *names), finding, hint),)
 
     @property

@@ -20,7 +20,7 @@ _PROGRAM = "/usr/local/lib/atlantis/recording.py"
 _ACCOUNT = "/usr/lib/sysusers.d/atlantis-recording.conf"
 _FOLDER = "/etc/tmpfiles.d/atlantis-recording.conf"
 _UNIT = f"/etc/systemd/system/{SERVICE}"
-_NOT_RUNNING = "the recording does not run, though the VPN's interface is there"
+_NOT_RUNNING = "the recording is not running, although the VPN interface exists"
 _CLOSE_S = 30
 """Seconds for the recorder to close its bag when it is stopped."""
 
@@ -40,11 +40,13 @@ def recording(config: Recording | None, release: str) -> parts.Configuration:
         files=files,
         absent=tuple(path for path in (_UNIT, _PROGRAM, _ACCOUNT, _FOLDER) if path not in file_paths),
         steps=(
-            parts.ConvergeStep("make the recording's account", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
             parts.ConvergeStep(
-                "make the recording's folder", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
+                "create the account of the recording", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)
             ),
-            services.vpn_bound_step("start the recording with the VPN, or take it away", SERVICE),
+            parts.ConvergeStep(
+                "create the folder of the recording", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
+            ),
+            services.vpn_bound_step("start the recording with the VPN, or remove it", SERVICE),
         ),
         units=(parts.Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM), wait=False),) if files else (),
         checks=(services.vpn_bound_check(_NOT_RUNNING, SERVICE),) if files else (),

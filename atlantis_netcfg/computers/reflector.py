@@ -46,11 +46,11 @@ systemctl daemon-reload
 def reflector(host: Host) -> parts.Configuration:
     """Build the checklist responder (pure); on a computer without VPN, remove it."""
     assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - `gateway_base` checks it
-    away = stop_step("take the answers to checklists away", SERVICE)
+    away = stop_step("remove the responder for checklists", SERVICE)
     if host.device.vpn_address is None:
         return parts.Configuration(absent=(_UNIT, PROGRAM), steps=(away,))
     unit = _unit(
-        title="answers to the checklist of other sites",
+        title="responder for checklists of other sites",
         command=f"/usr/bin/python3 -I {PROGRAM} {host.name} {host.device.vpn_address} {model.REFLECTOR_PORT}",
     )
     return parts.Configuration(
@@ -60,7 +60,7 @@ def reflector(host: Host) -> parts.Configuration:
         ),
         steps=(away,),
         units=(parts.Unit(SERVICE, enabled=True, active=True, after=(_UNIT, PROGRAM)),),
-        checks=(_port_check(SERVICE, model.REFLECTOR_PORT, "nothing answers the checklists of other sites"),),
+        checks=(_port_check(SERVICE, model.REFLECTOR_PORT, "nothing responds to checklists of other sites"),),
     )
 
 
@@ -71,7 +71,7 @@ def qualify_settings(host: str, pilot: model.Pilot) -> model.Qualify | None:
 
 def link_reflector(host: str, pilot: model.Pilot) -> parts.Configuration:
     """Build the responder for measured links (pure); on other computers, remove it."""
-    away = stop_step("take the far end of measured links away", QUALIFY_SERVICE)
+    away = stop_step("remove the far end of measured links", QUALIFY_SERVICE)
     qualify = qualify_settings(host, pilot)
     if qualify is None:
         return parts.Configuration(absent=(_QUALIFY_UNIT, QUALIFY_KEY), only=(QUALIFY_FOLDER,), steps=(away,))
@@ -99,8 +99,8 @@ def link_reflector(host: str, pilot: model.Pilot) -> parts.Configuration:
         checks=(
             parts.Check(
                 ("sh", "-c", f"cd {QUALIFY_FOLDER} && exec {_START} --help >/dev/null"),
-                "the program that answers the measurements of links does not start",
-                f"on the computer: `cd {QUALIFY_FOLDER} && {_START} --help` tells why",
+                "the program that responds to link measurements does not start",
+                f"on the computer: `cd {QUALIFY_FOLDER} && {_START} --help` shows why",
             ),
         ),
     )
@@ -120,5 +120,5 @@ def _port_check(service: str, port: int, finding: str) -> parts.Check:
     return parts.Check(
         ("sh", "-c", HOLDS_PORT, "sh", service, "u", str(port)),
         f"{finding} at UDP port {port}",
-        f"on the computer: `systemctl status {service}` and `journalctl -eu {service}` tell why",
+        f"on the computer: `systemctl status {service}` and `journalctl -eu {service}` show why",
     )

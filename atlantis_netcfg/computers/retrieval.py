@@ -94,14 +94,16 @@ def retrieval(inventory: Inventory, host: Host, *, is_rehearsal: bool = False) -
         files=files,
         absent=tuple(path for path in ours if path not in file_paths),
         steps=(
-            parts.ConvergeStep("take the retrieval of recordings away", ("sh", "-c", _TAKE_AWAY), (_UNIT,)),
+            parts.ConvergeStep("remove the retrieval of recordings", ("sh", "-c", _TAKE_AWAY), (_UNIT,)),
             parts.ConvergeStep(
-                "make the account of recordings", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)
+                "create the account for recordings", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)
             ),
             parts.ConvergeStep(
-                "make the folder of recordings", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
+                "create the folder for recordings", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
             ),
-            parts.ConvergeStep("let sshd admit gateways, or no more", ("systemctl", "reload", "ssh.service"), (_SSHD,)),
+            parts.ConvergeStep(
+                "let sshd admit gateways, or stop admitting them", ("systemctl", "reload", "ssh.service"), (_SSHD,)
+            ),
         ),
         units=(parts.Unit(SERVICE, enabled=True),) if sends else (),
         checks=(_key_check(host),) if files and not is_rehearsal else (),
@@ -184,6 +186,6 @@ def _key_check(host: Host) -> parts.Check:
     key = (device.ssh.host_key or "").split(" ")[1]
     return parts.Check(
         ("grep", "-qF", f" {key}", f"{_key_file(device)}.pub"),
-        "the SSH host key of this computer is not the declared one, so recordings cannot be retrieved",
-        f"write what its {_key_file(device)}.pub holds as `ssh.host_key` in host_vars/{host.name}.yml",
+        "the SSH host key of this computer differs from the inventory, so recordings cannot be retrieved",
+        f"copy its {_key_file(device)}.pub to `ssh.host_key` in host_vars/{host.name}.yml",
     )

@@ -41,9 +41,11 @@ def ros1_bridge(config: Ros1Bridge | None, release: str) -> parts.Configuration:
         files=files,
         absent=tuple(path for path in (_UNIT, _PROGRAM, _TOPICS, _ACCOUNT, _FOLDER) if path not in file_paths),
         steps=(
-            parts.ConvergeStep("make the bridge's account", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
             parts.ConvergeStep(
-                "make the bridge's folder", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
+                "create the account of the bridge", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)
+            ),
+            parts.ConvergeStep(
+                "create the folder of the bridge", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
             ),
             services.vpn_bound_step(services.START_BRIDGE, SERVICE),
         ),

@@ -64,19 +64,19 @@ def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: da
         packets = openpgp.binary(content)
     except openpgp.NotAKey as why:
         raise UsageError(
-            f"{FOLDER}/{name} of the inventory is no public key: {why}", hint=_fetch_hint(archive)
+            f"{FOLDER}/{name} of the inventory is not a public key: {why}", hint=_fetch_hint(archive)
         ) from None
     if len(keys) != 1:
         raise UsageError(
-            f"{FOLDER}/{name} of the inventory holds {len(keys)} keys, and an archive is signed by one",
+            f"{FOLDER}/{name} of the inventory contains {len(keys)} keys, but an archive is signed by one",
             hint=f"gpg --export --armor {archive.fingerprint} > {path}",
         )
     key = keys[0]
     if key_file is None and key.fingerprint != archive.fingerprint:
         raise UsageError(
-            f"{FOLDER}/{name} of the inventory is another key: {key.fingerprint}, not {archive.fingerprint}",
+            f"{FOLDER}/{name} of the inventory is a different key: {key.fingerprint}, not {archive.fingerprint}",
             hint=(
-                f"{_fetch_hint(archive)}; if the archive has a new key, ask who keeps it, and declare it as `key_file`"
+                f"{_fetch_hint(archive)}; if the archive has a new key, ask its maintainer, and set it as `key_file`"
             ),
         )
     if key.expires is None:
@@ -84,10 +84,10 @@ def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: da
     expires = datetime.fromtimestamp(key.expires, UTC)
     if now >= expires:
         raise UsageError(
-            f"the key of the archive of ROS 2 expired on {expires:%Y-%m-%d}: {FOLDER}/{name} of the inventory",
-            hint=f"{_fetch_hint(archive)}; the same key is renewed now and then, with a later end",
+            f"the key of the ROS 2 archive expired on {expires:%Y-%m-%d}: {FOLDER}/{name} of the inventory",
+            hint=f"{_fetch_hint(archive)}; the same key is renewed now and then, with a later expiry date",
         )
-    text = f"the key of the archive of ROS 2 expires on {expires:%Y-%m-%d}: fetch the renewed one before"
+    text = f"the key of the ROS 2 archive expires on {expires:%Y-%m-%d}: download the renewed one before"
     return ArchiveKey(packets, key.fingerprint, text if now >= expires - _WARN else None)
 
 
@@ -97,15 +97,15 @@ def _read(path: Path, archive: Archive) -> bytes:
     except OSError as error:
         why = "is missing" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
         raise UsageError(
-            f"the key that signs the archive of ROS 2 {why}: {FOLDER}/{path.name} of the inventory",
+            f"the key that signs the ROS 2 archive {why}: {FOLDER}/{path.name} of the inventory",
             hint=_fetch_hint(archive),
         ) from error
 
 
 def _fetch_hint(archive: Archive) -> str:
     return (
-        f"fetch it where there is internet: curl -fsSL '{archive.key_url}' -o inventory/{FOLDER}/{archive.key_file}; "
-        f"its fingerprint has to be {archive.fingerprint}"
+        f"download it where there is internet: curl -fsSL '{archive.key_url}' -o "
+        f"inventory/{FOLDER}/{archive.key_file}; its fingerprint must be {archive.fingerprint}"
     )
 
 
@@ -250,8 +250,8 @@ def gateway_ros2(
         return GatewayRos2()
     if dds is None:
         raise UsageError(
-            "`gateways.ros2` is declared, and `dds` is not: nobody knows which release of ROS 2 it is",
-            hint="declare `dds` in group_vars/all/pilot.yml, with its `distribution`",
+            "`gateways.ros2` is set but `dds` is not: the release of ROS 2 is unknown",
+            hint="set `dds` in group_vars/all/pilot.yml, with its `distribution`",
         )
     release = RELEASES[dds.distribution]
     today = now or datetime.now(UTC)
@@ -266,7 +266,7 @@ def gateway_ros2(
         )
     else:
         key, url, codename, system = stand_in.key, stand_in.url, stand_in.codename, stand_in.distribution
-        notes = (*notes, f"{host.name}: stand-ins take the place of the packages of ROS 2")
+        notes = (*notes, f"{host.name}: stand-ins replace the packages of ROS 2")
     recording_config = host.device.recording if isinstance(host.device, model.Gateway) else None
     has_bridge_package = host.device.ros1_bridge is not None and host.device.ros1_bridge.archive is None
     more = (
@@ -306,9 +306,11 @@ def _archive(release: RosRelease, ros2: model.Ros2) -> Archive:
         archive = next(match for row in RELEASES.values() if (match := row.archives.get(ros2.origin)) is not None)
     if archive is None:
         raise UsageError(
-            f"there is no final snapshot of {release.name}: it has not ended yet",
-            hint="declare `origin: live`; or a dated snapshot as `mirror`: "
-            f"http://snapshots.ros.org/{release.name}/2026-01-31/ubuntu, with a date that is there",
+            f"there is no final snapshot of {release.name} yet: its support has not ended",
+            hint=(
+                "set `origin: live`; or a dated snapshot as `mirror`: "
+                f"http://snapshots.ros.org/{release.name}/2026-01-31/ubuntu, with a date that exists there"
+            ),
         )
     return archive
 

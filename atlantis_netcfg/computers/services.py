@@ -140,7 +140,7 @@ def vpn_bound_check(finding: str, service: str) -> parts.Check:
 
 
 def _log_hint(unit: str) -> str:
-    return f"on the computer: `systemctl status {unit}` and `journalctl -eu {unit}` tell why"
+    return f"on the computer: `systemctl status {unit}` and `journalctl -eu {unit}` show why"
 
 
 def services(computer: model.ServerComputer, images: Mapping[str, str] | None = None) -> parts.Configuration:
@@ -169,15 +169,15 @@ def services(computer: model.ServerComputer, images: Mapping[str, str] | None = 
         only=(containers.FOLDER,),
         steps=(
             parts.ConvergeStep(
-                "make the accounts of services", parts.run_on(_ACCOUNTS, "systemd-sysusers"), (_ACCOUNTS,)
+                "create the accounts of services", parts.run_on(_ACCOUNTS, "systemd-sysusers"), (_ACCOUNTS,)
             ),
             parts.ConvergeStep(
-                "make the folders of services",
+                "create the folders of services",
                 parts.run_on(_FOLDERS, "systemd-tmpfiles", "--create"),
                 (_FOLDERS,),
             ),
             *(box.step() for box in boxes),
-            parts.ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
+            parts.ConvergeStep("remove services that are not in the inventory", ("sh", "-c", _TAKE_AWAY), (LIST,)),
             *(vpn_bound_step(START_BRIDGE, each.name) for each in service_by_name.values() if each.dds),
         ),
         units=(*(containers.UNITS if boxes else ()), *map(_build_unit, service_by_name.values())),
@@ -269,8 +269,8 @@ def _is_privileged(service: model.HostedService) -> bool:
 
 BRIDGE = "atlantis-service-ros1-bridge.service"
 """Unit of the bridge to ROS 1."""
-START_BRIDGE = "start the bridge to ROS 1 with the VPN, or take it away"
-BRIDGE_RUNS_NOT = "the bridge to ROS 1 does not run, though the VPN's interface is there"
+START_BRIDGE = "start the bridge to ROS 1 with the VPN, or remove it"
+BRIDGE_RUNS_NOT = "the bridge to ROS 1 is not running, although the VPN interface exists"
 _QUEUE = 10
 """Queue length of the bridge, in messages, for each topic in the direction to ROS 1."""
 _SCRATCH = "/tmp"  # noqa: S108 - inside the container, where it is its own and in memory
@@ -334,19 +334,22 @@ def _build_unit(service: StartedService) -> parts.Unit:
 
 
 def _missing_program_text(service: model.HostedService, program: model.ServiceProgram) -> str:
-    return f"{program.path} of the service `{service.name}` is not there: once its partner has brought it, it starts"
+    return (
+        f"{program.path} of the service `{service.name}` is missing: the service starts once its partner has "
+        "supplied it"
+    )
 
 
 def _checks(service: model.HostedService) -> Iterator[parts.Check]:
     unit = f"{_unit_stem(service.name)}.service"
     if service.port is None:
-        finding = f"the service `{service.name}` does not stay up"
+        finding = f"the service `{service.name}` does not keep running"
         yield parts.Check(("sh", "-c", _RUNS, "sh", unit), finding, _log_hint(unit))
     else:
         kind = "t" if service.transport.value == "tcp" else "u"
         yield parts.Check(
             ("sh", "-c", HOLDS_PORT, "sh", unit, kind, str(service.port)),
-            f"the service `{service.name}` does not listen at {service.transport} port {service.port}",
+            f"the service `{service.name}` does not listen on {service.transport} port {service.port}",
             _log_hint(unit),
         )
     if service.container is not None:

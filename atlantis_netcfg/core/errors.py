@@ -30,7 +30,7 @@ class ExitCode(IntEnum):
         return ExitCode.CHECKS_FAILED if self in (ExitCode.DONE, ExitCode.CHANGES) else self
 
 
-TRUST = "`provision device trust site=…` on a terminal shows who answers, and asks you"
+TRUST = "run `provision device trust site=…` on a terminal: it shows each device's identity and asks you to confirm it"
 """What to type if a device's identity is not pinned yet; no other command accepts an unknown identity."""
 
 REHEARSE = "rehearse the site: `provision site=… --rehearse`"

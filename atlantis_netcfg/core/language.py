@@ -84,7 +84,7 @@ def parse_language(name: str) -> Language:
     for language in Language:
         if name.lower().replace("-", "_").partition("_")[0] == language:
             return language
-    raise UsageError(f"`--lang {name}`: there is no such language here", hint="it takes one of: en, pt")
+    raise UsageError(f"`--lang {name}`: language not available", hint="choose one of: en, pt")
 
 
 def catalogue_file(language: Language) -> Path:

@@ -45,7 +45,7 @@ def drift(pins: Mapping[str, str], version_of: Callable[[str], str | None] = ins
     """Describe each package that differs from its pin."""
     versions = {name: version_of(name) for name in pins}
     return [
-        f"{name} is missing" if versions[name] is None else f"{name} is {versions[name]}, pinned is {version}"
+        f"{name} is missing" if versions[name] is None else f"{name} is {versions[name]}, but {version} is required"
         for name, version in pins.items()
         if versions[name] != version
     ]

@@ -14,8 +14,8 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-_HINT = "name a directory of your own: ATLANTIS_STATE=/some/directory provision …"
-_CACHE_HINT = "name a directory of your own: XDG_CACHE_HOME=/some/directory provision …"
+_HINT = "use your own directory: ATLANTIS_STATE=/some/directory provision …"
+_CACHE_HINT = "use your own directory: XDG_CACHE_HOME=/some/directory provision …"
 
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -76,7 +76,7 @@ def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
     try:
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"no place to keep the cache: {place.parent}: {error.strerror}", hint=_CACHE_HINT) from error
+        raise UsageError(f"cannot store the cache: {place.parent}: {error.strerror}", hint=_CACHE_HINT) from error
     return place
 
 
@@ -120,9 +120,9 @@ def private_directory(path: Path) -> Path:
         if path.stat().st_mode & 0o077:
             path.chmod(0o700)
     except OSError as error:
-        raise UsageError(f"no place to keep the journal: {path}: {error.strerror}", hint=_HINT) from error
+        raise UsageError(f"cannot store the journal: {path}: {error.strerror}", hint=_HINT) from error
     if not os.access(path, os.W_OK | os.X_OK):
-        raise UsageError(f"no place to keep the journal: {path} cannot be written by {_user()}", hint=_HINT)
+        raise UsageError(f"cannot store the journal: {path} is not writable by {_user()}", hint=_HINT)
     return path
 
 
@@ -141,7 +141,7 @@ def require_own(folder: Path, hint: str) -> None:
     for owner, allowed_owners in ((folder.lstat().st_uid, (me, 0)), (folder.stat().st_uid, (me,))):
         if owner not in allowed_owners:
             raise UsageError(
-                f"{folder} belongs to {_name(owner)}, who can change what is kept in it, and not to {_user()}",
+                f"{folder} belongs to {_name(owner)}, who could change its contents, not to {_user()}",
                 hint=hint,
             )
 
@@ -159,8 +159,8 @@ def _state_path(environ: Mapping[str, str]) -> Path:
 def _home(environ: Mapping[str, str], what: str, hint: str) -> Path:
     home = environ.get("HOME") or _home_on_record()
     if not home or not Path(home).is_dir():
-        missing = f"the home directory {home} does not exist" if home else "there is no home directory"
-        raise UsageError(f"no place to keep {what}: {missing}", hint=hint)
+        missing = f"the home directory {home} does not exist" if home else "no home directory found"
+        raise UsageError(f"cannot store {what}: {missing}", hint=hint)
     return Path(home)
 
 

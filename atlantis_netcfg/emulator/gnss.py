@@ -497,4 +497,4 @@ class RunningNmeaPort(_Running):
                 os.write(self._ours, data[place : place + size])
 
 
-NOT_REHEARSED = ("a GNSS receiver: the sky, its antenna and cable, how long it takes to its first fix",)
+NOT_REHEARSED = ("a GNSS receiver: the sky, its antenna and cable, the time to its first fix",)

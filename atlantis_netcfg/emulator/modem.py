@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["NOT_REHEARSED", "AtModemSpec", "RunningModem"]
 
 
-NOT_REHEARSED = ("an AT modem: USB, its other ports, and programs that want to own it",)
+NOT_REHEARSED = ("an AT modem: USB, its other ports, and programs that try to open it",)
 _ABSENT = "+CME ERROR: 10"
 
 

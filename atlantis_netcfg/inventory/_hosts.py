@@ -71,17 +71,17 @@ def _block(
     if node is None or node.value is None:
         return {}
     if isinstance(node.value, list):
-        layout.add_finding(node.mark, f"`{name}` wants a block of keys", "write `name:` a line, without `- `")
+        layout.add_finding(node.mark, f"`{name}` needs a block of keys", "write one `name:` per line, without `- `")
         return {item.text: item for item in node.value if item.text} if allowed_keys is None else {}
     if not isinstance(node.value, dict):
-        layout.add_finding(node.mark, f"`{name}` wants a block of keys", "write `name:` below it, indented")
+        layout.add_finding(node.mark, f"`{name}` needs a block of keys", "write `name:` below it, indented")
         return {}
     if allowed_keys is None:
         return node.value
     block = {key: value for key, value in node.value.items() if key in allowed_keys}
     for key, value in node.value.items():
         if key not in allowed_keys:
-            layout.add_finding(value.place, f"`{key}` is not known in `{name}`", suggest(key, allowed_keys, none=""))
+            layout.add_finding(value.place, f"unknown key `{key}` in `{name}`", suggest(key, allowed_keys, none=""))
             block.setdefault(nearest(key, allowed_keys) or key, value)
     return block
 
@@ -92,7 +92,7 @@ def _add_site(layout: HostLayout, site: str, node: Node) -> None:
     _check_vars(layout, block.get("vars"))
     for host, value in _block(layout, block.get("hosts"), f"{site}.hosts").items():
         if host in layout.hosts:
-            message = f"`{host}` stands below two sites, `{layout.hosts[host]}` and `{site}`"
+            message = f"`{host}` is below two sites, `{layout.hosts[host]}` and `{site}`"
             layout.add_finding(value.place, message, "a device is at one site: remove one of the two lines")
             continue
         layout.hosts[host] = site
@@ -110,7 +110,7 @@ def _add_kind(layout: HostLayout, group: str, kind: str, node: Node | None) -> N
             layout.add_finding(value.place, message, suggest(host, layout.hosts, none="add it below its site"))
             layout.misspelt[nearest(host, layout.hosts) or host] = kind
         elif host in layout.kinds:
-            layout.add_finding(value.place, f"`{host}` stands in two kinds of device", "remove one of the two lines")
+            layout.add_finding(value.place, f"`{host}` has two kinds of device", "remove one of the two lines")
         else:
             layout.kinds[host] = kind
             layout.kind_marks[host] = value.place
@@ -136,9 +136,9 @@ def _check_names(layout: HostLayout) -> None:
     for site, mark in layout.sites.items():
         if site in _RESERVED_NAMES:
             layout.add_finding(
-                mark, f"a site cannot be called `{site}`: that is a group of its own", "choose another name"
+                mark, f"a site cannot be named `{site}`: this is a group of its own", "choose another name"
             )
     for host, mark in layout.marks.items():
         if host in layout.sites or host in _RESERVED_NAMES:
-            message = f"`{host}` is the name of a host and of a group"
+            message = f"`{host}` is the name of both a host and a group"
             layout.add_finding(mark, message, f"rename the host, for example `{host}-router`")

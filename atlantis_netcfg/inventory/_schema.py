@@ -96,12 +96,12 @@ def expected_type(annotation: Any) -> str:  # noqa: ANN401 - as above
 
 
 _PLAIN: dict[Any, str] = {
-    IPv4Address: "an address, like 10.64.1.1",
-    IPv4Network: "a network, like 10.64.1.0/24",
+    IPv4Address: "an address, for example 10.64.1.1",
+    IPv4Network: "a network, for example 10.64.1.0/24",
     int: "a whole number",
     float: "a number",
     bool: "true or false",
-    Secret: "a secret made by ansible-vault encrypt_string, or EXAMPLE-…",
+    Secret: "a secret from ansible-vault encrypt_string, or EXAMPLE-…",
 }
 DEVICES: dict[str, type[BaseModel]] = {
     get_args(model.model_fields["kind"].annotation)[0]: model for model in get_args(unwrap(Device))
@@ -111,7 +111,7 @@ MODEL = "atlantis_netcfg.inventory.model"
 """Package of the models."""
 
 
-FALLBACK = "cannot be understood"
+FALLBACK = "is invalid"
 """Message for an error type without a text of its own; tests check that it is never used."""
 _Path = tuple[str | int, ...]
 
@@ -168,11 +168,11 @@ def _explain_value(error: ErrorDetails, node: Node, field: Any, label: str) -> t
 def _wrong_shape(error: ErrorDetails, node: Node) -> str:
     """Return an error of the value's form, before its content is checked; empty if there is none."""
     if isinstance(node.value, Secret):
-        return "cannot be vaulted: only passwords and keys may be"
+        return "cannot be in the vault: only passwords and keys can"
     if node.value is None:
         return "has no value"
     if error["type"] == "too_short":
-        return f"has too few entries: {error['ctx']['min_length']} is the least"
+        return f"has too few entries: the minimum is {error['ctx']['min_length']}"
     if error["type"] in _STRUCTURE or isinstance(node.value, dict | list):
         return f"is {_describe_shape(node)}"
     return ""
@@ -198,45 +198,45 @@ def _explain_unquoted(node: Node, field: Any, label: str, what: str) -> tuple[st
         return f"YAML reads {label} as {what}", "write it in quotes"
     allowed_words = choices_of(field)
     if allowed_words and node.text not in allowed_words:
-        return f"`{node.text}` is no word for {label}", suggest(node.text, map(str, allowed_words), none="")
-    return f"YAML reads `{node.text}` as {what}, {label} wants a text", f'write it in quotes: "{node.text}"'
+        return f"`{node.text}` is not a valid value for {label}", suggest(node.text, map(str, allowed_words), none="")
+    return f"YAML reads `{node.text}` as {what}, but {label} must be a text", f'write it in quotes: "{node.text}"'
 
 
 def _explain_number(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     if isinstance(node.value, str) and node.text.strip().replace(".", "", 1).isdigit():
-        return f"{label} wants a number, here is a text", f"write it without quotes: {node.text.strip()}"
+        return f"{label} must be a number, not a text", f"write it without quotes: {node.text.strip()}"
     kind = "a whole number" if isinstance(node.value, float) else "a number"
-    return f"{label} wants {kind}, here is `{node.text}`", "write digits only"
+    return f"{label} must be {kind}, not `{node.text}`", "write digits only"
 
 
 def _explain_flag(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
-    return f"{label} wants true or false, here is `{node.text}`", "write true or false, without quotes"
+    return f"{label} must be true or false, not `{node.text}`", "write true or false, without quotes"
 
 
 def _explain_choice(label: str, node: Node, context: Mapping[str, Any], field: object) -> tuple[str, str]:
     if isinstance(next(iter(choices_of(field)), None), int) and not node.plain:
         return _explain_number(label, node, context, field)
-    return f"`{node.text}` is no word for {label}", suggest(node.text, map(str, choices_of(field)), none="")
+    return f"`{node.text}` is not a valid value for {label}", suggest(node.text, map(str, choices_of(field)), none="")
 
 
 def _explain_minimum(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     bound = context.get("ge", context.get("gt"))
     if "gt" in context:
-        return f"{label} is {node.text}: it must be more than {bound:g}", f"write a number above {bound:g}"
-    return f"{label} is {node.text}: {bound:g} is the least", f"write {bound:g} or more"
+        return f"{label} is {node.text}, but must be more than {bound:g}", f"write a number above {bound:g}"
+    return f"{label} is {node.text}: the minimum is {bound:g}", f"write {bound:g} or more"
 
 
 def _explain_maximum(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
-    return f"{label} is {node.text}: {context['le']:g} is the most", f"write {context['le']:g} or less"
+    return f"{label} is {node.text}: the maximum is {context['le']:g}", f"write {context['le']:g} or less"
 
 
 def _explain_too_long(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     most = context["max_length"]
-    return f"{label} has {len(str(node.value))} characters: {most} are the most", "choose a shorter one"
+    return f"{label} has {len(str(node.value))} characters: the maximum is {most}", "choose a shorter one"
 
 
 def _explain_not_finite(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
-    return f"{label} is `{node.text}`, which is no number to count with", "write digits only"
+    return f"{label} is `{node.text}`, which is not a finite number", "write digits only"
 
 
 _TEXTUAL = frozenset({NOT_TEXT, "string_type", "enum", "literal_error"})

@@ -112,7 +112,7 @@ class SealedSecret(Secret):
         """Raise UsageError: the value is still encrypted."""
         raise UsageError(
             "a secret of the inventory is still encrypted",
-            hint="give the vault's password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …, or `--ask-vault-pass`",
+            hint="give the vault password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …, or `--ask-vault-pass`",
         )
 
     def decrypt_with(self, decrypt: Decrypt) -> Secret:
@@ -126,7 +126,7 @@ def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret
     Raises VaultError, or the UsageError of a `decrypt` without password.
     """
     if strict and not text.startswith("$ANSIBLE_VAULT;"):
-        raise VaultError("this is not a vaulted value", hint="make one: ansible-vault encrypt_string")
+        raise VaultError("this is not a vaulted value", hint="create one: ansible-vault encrypt_string")
     if decrypt is None or not strict:
         return SealedSecret(text)
     try:
@@ -134,21 +134,21 @@ def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret
     except UsageError:
         raise
     except Exception as error:
-        raise VaultError(CANNOT_DECRYPT, hint="check the vault's password: it is not the one of this value") from error
+        raise VaultError(CANNOT_DECRYPT, hint="check the vault password: it does not fit this value") from error
     return Secret(value.rstrip("\r\n"))
 
 
 _WORDS: tuple[tuple[str, str, str], ...] = (
-    ("found a tab character", "a tab stands here", "indent with spaces"),
+    ("found a tab character", "there is a tab here", "indent with spaces"),
     (
         "mapping values are not allowed",
-        "a `:` too many, or the line is indented too far",
-        'quote a text that holds ": "',
+        "there is a `:` too many, or the line is indented too far",
+        'quote a text that contains ": "',
     ),
     ("could not find expected ':'", "a key without `:`", "write `key: value`"),
-    ("did not find expected key", "the line does not fit the block it stands in", "indent it as its neighbours are"),
-    ("expected <document start>", "the line does not fit the block it stands in", "indent it as its neighbours are"),
-    ("did not find expected '-' indicator", "the line does not fit the list it stands in", "begin it with `- `"),
+    ("did not find expected key", "the line does not fit into its block", "indent it like the lines around it"),
+    ("expected <document start>", "the line does not fit into its block", "indent it like the lines around it"),
+    ("did not find expected '-' indicator", "the line does not fit into its list", "start it with `- `"),
     (
         "did not find expected ',' or '}'",
         "a `{` is not closed, or a comma is missing",
@@ -157,15 +157,27 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
     ("did not find expected ',' or ']'", "a `[` is not closed, or a comma is missing", "write [value, value]"),
     ("did not find expected node content", "a value is missing here", "write the value"),
     ("unexpected end of stream", "a quote is not closed", "close the text with the quote it began with"),
-    ("block sequence entries are not allowed", "a `-` stands where no list is", "put the list below its key"),
-    ("but found another document", "a second `---` begins another document", "keep one `---` a file"),
-    ("found undefined alias", "an alias (`*name`) is not used in an inventory", "write it out, or put it in quotes"),
-    ("cannot start any token", "a text cannot begin with this character", "put the text in quotes"),
-    ("while scanning an alias", "a text cannot begin with `*`", "put the text in quotes"),
-    ("while scanning an anchor", "a text cannot begin with `&`", "put the text in quotes"),
-    ("while scanning a tag", "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"),
-    ("undefined tag handle", "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"),
-    ("unknown escape character", "a backslash in double quotes begins an escape", "put the text in single quotes"),
+    (
+        "block sequence entries are not allowed",
+        "there is a `-` where no list is expected",
+        "put the list below its key",
+    ),
+    ("but found another document", "a second `---` starts another document", "keep one `---` per file"),
+    (
+        "found undefined alias",
+        "aliases (`*name`) are not supported in an inventory",
+        "write it out, or put it in quotes",
+    ),
+    ("cannot start any token", "a text cannot start with this character", "put the text in quotes"),
+    ("while scanning an alias", "a text cannot start with `*`", "put the text in quotes"),
+    ("while scanning an anchor", "a text cannot start with `&`", "put the text in quotes"),
+    ("while scanning a tag", "a `!` starts a tag, and only `!vault` is supported", "put a text with `!` in quotes"),
+    ("undefined tag handle", "a `!` starts a tag, and only `!vault` is supported", "put a text with `!` in quotes"),
+    (
+        "unknown escape character",
+        "a backslash in double quotes starts an escape sequence",
+        "put the text in single quotes",
+    ),
 )
 _UNCLOSED_ERRORS = ("did not find expected ',' or", "unexpected end of stream")
 
@@ -175,17 +187,17 @@ def explain(error: yaml.YAMLError, file_name: str, text: str) -> findings.Findin
     if isinstance(error, yaml.reader.ReaderError):
         before = text[: error.position]
         mark = findings.Mark(file_name, before.count("\n") + 1, error.position - before.rfind("\n"))
-        return findings.Finding.at(mark, "a control character stands here", "delete it")
+        return findings.Finding.at(mark, "there is a control character here", "delete it")
     words = str(error)
     place = _place(error, words)
     mark = findings.Mark(file_name, *_inside(text, place)) if place is not None else findings.Mark(file_name, 1, 1)
     if place is not None and _character(text, place) == "\t":
-        return findings.Finding.at(mark, "a tab stands here", "indent with spaces")
+        return findings.Finding.at(mark, "there is a tab here", "indent with spaces")
     for part, message, hint in _WORDS:
         if part in words:
             return findings.Finding.at(mark, message, hint)
     return findings.Finding.at(
-        mark, "this is no YAML from here on", "compare the line and the one above with a file that works"
+        mark, "this is not valid YAML from here on", "compare the line and the one above with a file that works"
     )
 
 
@@ -268,12 +280,12 @@ def parse(data: bytes, file_name: str, decrypt: Decrypt | None) -> tuple[Node | 
         return None, [findings.Finding.at(where, "this line is not UTF-8 text", "save the file as UTF-8")]
     if text.startswith("$ANSIBLE_VAULT;"):
         hint = f"ansible-vault decrypt {file_name}, then ansible-vault encrypt_string for each secret"
-        return None, [findings.Finding.at(start, "the whole file is encrypted; only single values may be", hint)]
+        return None, [findings.Finding.at(start, "the whole file is encrypted; only single values can be", hint)]
     try:
         if (deep := _too_deep(text)) is not None:
             mark = findings.Mark(file_name, deep.line + 1, deep.column + 1)
             return None, [
-                findings.Finding.at(mark, f"the file is nested more than {_DEEPEST} levels deep", "write it flatter")
+                findings.Finding.at(mark, f"the file is nested more than {_DEEPEST} levels deep", "use fewer levels")
             ]
         root = _compose(text)
     except yaml.YAMLError as error:
@@ -328,7 +340,7 @@ class _Converter:
             return self._node(root), self.findings
         except RecursionError:
             mark = self._mark(root)
-            return None, [findings.Finding.at(mark, "the file is nested too deeply", "write it flatter")]
+            return None, [findings.Finding.at(mark, "the file is nested too deeply", "use fewer levels")]
 
     def _mark(self, node: Any) -> findings.Mark:  # noqa: ANN401 - a node or an event
         return findings.Mark(self.file_name, node.start_mark.line + 1, node.start_mark.column + 1)
@@ -352,7 +364,7 @@ class _Converter:
 
     def _expect_tag(self, node: MappingNode | SequenceNode, tag: str) -> None:
         if node.tag != _STANDARD + tag:
-            self._add_finding(node, "a `!` begins a tag, and only `!vault` is used here", "remove it")
+            self._add_finding(node, "a `!` starts a tag, and only `!vault` is supported", "remove it")
 
     def _alias(self, node: yaml.Node) -> None:
         """Report aliases at their own places, which only the event stream has."""
@@ -360,7 +372,7 @@ class _Converter:
         aliases: list[Any] = [event for event in events if isinstance(event, yaml.AliasEvent)]
         for item in aliases or [node]:
             finding = findings.Finding.at(
-                self._mark(item), "an alias (`*name`) is not used in an inventory", "write it out"
+                self._mark(item), "aliases (`*name`) are not supported in an inventory", "write it out"
             )
             if finding not in self.findings:
                 self.findings.append(finding)
@@ -381,7 +393,7 @@ class _Converter:
             if name in result:
                 first = result[name].place.line
                 self._add_finding(
-                    key, f"`{findings.shown_key(name)}` stands here twice (first in line {first})", "keep one of them"
+                    key, f"`{findings.shown_key(name)}` is here twice (first in line {first})", "keep one of them"
                 )
                 continue
             is_block = key.start_mark.line in self.marked and value.start_mark.line > key.start_mark.line
@@ -398,14 +410,14 @@ class _Converter:
             return None
         if not isinstance(key, yaml.ScalarNode) or key.tag != _STANDARD + "str":
             text = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "a list"
-            hint = f'write it in quotes: "{key.value}"' if isinstance(key, yaml.ScalarNode) else "write a word as key"
+            hint = f'write it in quotes: "{key.value}"' if isinstance(key, yaml.ScalarNode) else "use a word as key"
             if key.tag == _STANDARD + "merge":
                 hint = "write the keys out"
-            self._add_finding(key, f"{text} is not read as text, so it cannot be a key", hint)
+            self._add_finding(key, f"YAML does not read {text} as text, so it cannot be a key", hint)
             return None
         if any(mark in key.value for mark in _JINJA):
             self._add_finding(
-                key, "a key holds a Jinja expression; an inventory holds final values", "write the name itself"
+                key, "a key contains a Jinja expression; an inventory holds final values", "write the name itself"
             )
             return None
         return str(key.value)
@@ -423,7 +435,7 @@ class _Converter:
         kind = node.tag.removeprefix(_STANDARD)
         if kind not in _SCALARS:
             self._add_finding(
-                node, "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"
+                node, "a `!` starts a tag, and only `!vault` is supported", "put a text with `!` in quotes"
             )
         elif any(part in text for part in _JINJA):
             self._add_finding(node, _IS_JINJA, "write the value itself")
@@ -431,7 +443,7 @@ class _Converter:
             try:
                 value: Scalar = self.constructor.construct_object(node)
             except (ValueError, yaml.YAMLError):
-                self._add_finding(node, "this looks like a number or a date but is none", "write it in quotes")
+                self._add_finding(node, "this looks like a number or a date but is neither", "write it in quotes")
             else:
                 return value
         return text

@@ -120,7 +120,7 @@ def _explain_forbidden_channel(country: str, band: str, low: float, high: float,
         if not (entry.outdoors if outdoors else entry.indoors):
             return entry.rule
     if not ranges or low < ranges[0].low or high > ranges[-1].high:
-        return f"the channel reaches from {low:g} to {high:g} MHz, beyond the band's end"
+        return f"the channel covers {low:g} to {high:g} MHz, beyond the end of the band"
     return None
 
 

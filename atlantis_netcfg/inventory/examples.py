@@ -71,7 +71,7 @@ def recognise(value: object) -> str | None:
     """Return why a value is recognisably an example, or None."""
     text = value if isinstance(value, str) else ""
     if text.startswith(EXAMPLE_PREFIX):
-        return f"what begins with {EXAMPLE_PREFIX}"
+        return f"a value that starts with {EXAMPLE_PREFIX}"
     if text.startswith(("ssh-", "ecdsa-", "sk-")) and " EXAMPLE" in text:
         return SSH_KEY
     if text.lower() in _NAMES or text.lower().rstrip(".").endswith(_ENDINGS):

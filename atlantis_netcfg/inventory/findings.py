@@ -81,7 +81,7 @@ def report(findings: Sequence[Finding], where: str = _WHERE, *, warnings: bool =
 
 
 def _omitted_text(number: int) -> str:
-    return f"{number} more are not shown: correct these first"
+    return f"{number} more not shown: correct these first"
 
 
 _MANY = 12
@@ -93,7 +93,7 @@ def suggest(word: str, known_words: Iterable[str], *, none: str) -> str:
     near = nearest(word, words)
     if near is not None:
         return f"did you mean `{near}`?"
-    return f"there are: {choices(words)}" if words else none
+    return f"available: {choices(words)}" if words else none
 
 
 def choices(words: Iterable[str]) -> str:
@@ -114,4 +114,4 @@ def why_no_name(text: str) -> tuple[str, str] | None:
         return None
     near = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:32].strip("-")
     rule = "lower-case letters, digits and hyphens inside, 32 at most"
-    return f"`{text}` is no name: a name has {rule}", near or "a name is like coastal-router"
+    return f"`{text}` is not a valid name: a name has {rule}", near or "example of a name: coastal-router"

@@ -69,7 +69,7 @@ class Inventory:
 def choose(inventory: Inventory, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
     """Select the hosts of a site (`all`: every site), limited to `only`. Raises NoMatchError with the known names."""
     if site != ALL and site not in inventory.sites:
-        raise NoMatchError(f"there is no site `{site}`", hint=_suggest(site, "sites", [*inventory.sites, ALL]))
+        raise NoMatchError(f"site `{site}` does not exist", hint=_suggest(site, "sites", [*inventory.sites, ALL]))
     here = tuple(host for host in inventory.hosts.values() if site in {ALL, host.site})
     names = [host.name for host in here]
     for name in only:
@@ -86,7 +86,7 @@ def _no_such_host(inventory: Inventory, site: str, name: str, here: Sequence[str
     if elsewhere is not None:
         return NoMatchError(f"`{name}` is not at site `{site}`", hint=f"type site={elsewhere.site} device={name}")
     where = "in the inventory" if site == ALL else f"at site `{site}`"
-    return NoMatchError(f"there is no host `{name}` {where}", hint=_suggest(name, "hosts", here))
+    return NoMatchError(f"host `{name}` does not exist {where}", hint=_suggest(name, "hosts", here))
 
 
 def _suggest(word: str, what: str, names: Iterable[str]) -> str:

@@ -56,14 +56,14 @@ def _message(finding: Finding) -> str:
 def read(path: Path, keys: Sequence[str]) -> tuple[ListRow, ...]:
     """Read records whose keys are in `keys`. Raises UsageError, or ListInvalid with all errors of the file."""
     if path.suffix.lower() not in _SUFFIXES:
-        raise UsageError(f"{path} is neither YAML nor CSV by its name", hint="call it .yml or .csv")
+        raise UsageError(f"the name of {path} is neither YAML nor CSV", hint="name it .yml or .csv")
     data = _bytes(path)
     reader = _Csv(str(path), keys) if path.suffix.lower() == ".csv" else _Yaml(str(path), keys)
     rows = reader.read(data)
     if not reader.findings and not rows:
-        reader.wrong(1, "there is no record in it", f"write one for each device: {choices(keys)}")
+        reader.wrong(1, "it contains no record", f"write one for each device: {choices(keys)}")
     if len(rows) > _ROWS:
-        reader.wrong(1, f"there are {len(rows)} records, and {_ROWS} are taken at once", "make two files of it")
+        reader.wrong(1, f"there are {len(rows)} records; the maximum is {_ROWS}", "split it into two files")
     if reader.findings:
         raise ListInvalid(reader.findings)
     return rows
@@ -76,7 +76,7 @@ def _bytes(path: Path) -> bytes:
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if len(data) > _BYTES:
-        raise UsageError(f"{path} is larger than {_BYTES // 1_000_000} MB", hint="make two files of it")
+        raise UsageError(f"{path} is larger than {_BYTES // 1_000_000} MB", hint="split it into two files")
     return data
 
 
@@ -95,8 +95,8 @@ class _ListReader:
         if key in self.keys:
             return True
         near = nearest(key, self.keys)
-        hint = f"did you mean `{near}`?" if near else f"there are: {choices(self.keys)}"
-        self.wrong(line, f"`{shown_key(key)}` is not known here", hint)
+        hint = f"did you mean `{near}`?" if near else f"available: {choices(self.keys)}"
+        self.wrong(line, f"unknown key `{shown_key(key)}`", hint)
         return False
 
 
@@ -111,7 +111,7 @@ class _Yaml(_ListReader):
         if root is None or root.is_reported:
             return ()
         if not isinstance(root.value, list):
-            self.wrong(root.mark.line, "this is no list", "begin each record with `- `")
+            self.wrong(root.mark.line, "this is not a list", "start each record with `- `")
             return ()
         return tuple(self._row(node) for node in root.value)
 
@@ -123,7 +123,7 @@ class _Yaml(_ListReader):
                 depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
                 if depth > _DEPTH:
                     mark: Any = event.start_mark
-                    self.wrong(mark.line + 1, "this is nested too deeply", "a record has words and their values")
+                    self.wrong(mark.line + 1, "this is nested too deeply", "a record consists of keys and their values")
                     return True
         except yaml.YAMLError:
             return False
@@ -133,7 +133,7 @@ class _Yaml(_ListReader):
         place = f"{self.file_name}:{node.mark.line}"
         if not isinstance(node.value, dict):
             if not node.is_reported:
-                self.wrong(node.mark.line, "this is no record", "write it as {partner: …, device: …}")
+                self.wrong(node.mark.line, "this is not a record", "write it as {partner: …, device: …}")
             return ListRow(place, {})
         return ListRow(place, dict(self._values(node)))
 
@@ -143,7 +143,7 @@ class _Yaml(_ListReader):
             if not self.check_key(key, line) or value.value is None or value.is_reported:
                 continue
             if isinstance(value.value, dict | list) or not value.text:
-                self.wrong(line, f"`{key}` has no simple value", "write one word")
+                self.wrong(line, f"`{key}` needs a simple value", "write a single value")
                 continue
             yield key, value.text
 
@@ -165,14 +165,14 @@ class _Csv(_ListReader):
         try:
             return self._rows(lines)
         except csv.Error as error:
-            self.wrong(lines.line_num, f"this is no CSV: {error}", "a quote is opened and closed around a whole value")
+            self.wrong(lines.line_num, f"this is not CSV: {error}", "quotes must enclose a whole value")
             return ()
 
     def _rows(self, lines: Any) -> tuple[ListRow, ...]:  # noqa: ANN401 - csv has no public type for its reader
         header = [name.strip() for name in next(lines, [])]
         for name in header:
             if self.check_key(name, 1) and header.count(name) > 1:
-                self.wrong(1, f"`{name}` stands here twice", "keep one of them")
+                self.wrong(1, f"`{name}` is here twice", "keep one of them")
         if self.findings:
             return ()
         return tuple(row for cells in lines if (row := self._row(header, cells, lines.line_num)) is not None)
@@ -181,7 +181,11 @@ class _Csv(_ListReader):
         if not any(cells):
             return None
         if len(cells) != len(header):
-            self.wrong(line, f"{len(cells)} values for {len(header)} columns", "one value for each column, or none")
+            self.wrong(
+                line,
+                f"{len(cells)} values for {len(header)} columns",
+                "write one value for each column, or leave it empty",
+            )
         return ListRow(
             f"{self.file_name}:{line}", {name: cell for name, cell in zip(header, cells, strict=False) if cell}
         )

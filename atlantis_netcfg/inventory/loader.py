@@ -99,7 +99,7 @@ class _Gatherer:
         for name in _OF_ALL:
             if name not in variables and complete:
                 hint = f"write `{name}:` in {self.sources.display_name}/{_HOMES[name]}"
-                self._add_finding(self.layout.start, f"nothing declares `{name}`", hint)
+                self._add_finding(self.layout.start, f"`{name}` is missing", hint)
 
     def _gather_group(self, name: str, paths: list[Path]) -> None:
         if name in self.layout.sites:
@@ -109,14 +109,14 @@ class _Gatherer:
             self._variables(paths, ())
         else:
             names = ["all", *self.layout.sites]
-            self._report_orphans(paths, f"no site or group is called `{name}`", name, names, "group_vars")
+            self._report_orphans(paths, f"no site or group is named `{name}`", name, names, "group_vars")
 
     def _gather_host(self, name: str, paths: list[Path]) -> None:
         if name in self.layout.hosts:
             variables, complete = self._variables(paths, ("device",))
             self._keep(name, paths, variables.get("device"), self.result.devices, "device", complete=complete)
         else:
-            self._report_orphans(paths, f"no host is called `{name}`", name, self.layout.hosts, "host_vars")
+            self._report_orphans(paths, f"no host is named `{name}`", name, self.layout.hosts, "host_vars")
 
     def _keep(  # noqa: PLR0913 - one step of two callers
         self,
@@ -131,7 +131,7 @@ class _Gatherer:
         if node is not None:
             into[name] = node
         elif complete and paths:
-            self._add_finding(Mark(self.sources.name(paths[0]), 1, 1), f"there is no `{variable}:` here", "write it")
+            self._add_finding(Mark(self.sources.name(paths[0]), 1, 1), f"`{variable}:` is missing here", "add it")
 
     def _report_orphans(
         self, paths: list[Path], message: str, name: str, names: Mapping[str, object] | list[str], folder: str
@@ -168,7 +168,9 @@ class _Gatherer:
                 continue
             if not isinstance(node.value, dict):
                 complete = False
-                self._add_finding(node.mark, "a file holds `name:` and below it, indented, the values", "write it so")
+                self._add_finding(
+                    node.mark, "a file contains `name:` and, indented below it, the values", "write it like this"
+                )
                 continue
             for name, value in node.value.items():
                 self._gather_variable(name, value, allowed_names, variables)
@@ -182,18 +184,14 @@ class _Gatherer:
         near = name if name in allowed_names else nearest(name, allowed_names)
         if name in allowed_names and name in variables:
             first = variables[name].place
-            self._add_finding(
-                value.place, f"`{name}` is declared twice, first in {first.file}:{first.line}", "keep one"
-            )
+            self._add_finding(value.place, f"`{name}` is set twice, first in {first.file}:{first.line}", "keep one")
         elif name in allowed_names:
             variables[name] = value
         elif name in _HOMES:
             self._add_finding(value.place, f"`{name}` does not belong here", f"move it to {_HOMES[name]}")
         else:
-            none = "only variables of Ansible itself, `ansible_…`, may stand here"
-            self._add_finding(
-                value.place, f"`{shown_key(name)}` is not known here", suggest(name, allowed_names, none=none)
-            )
+            none = "only variables of Ansible itself (`ansible_…`) are allowed here"
+            self._add_finding(value.place, f"unknown key `{shown_key(name)}`", suggest(name, allowed_names, none=none))
             if near is not None:
                 variables.setdefault(near, value)
 
@@ -238,13 +236,11 @@ class InventorySources:
         except OSError as error:
             reason = (error.strerror or "no reason given").lower()
             return None, [
-                Finding.at(
-                    Mark(file_name, 1, 1), f"the file cannot be read: {reason}", f"look at it: ls -ld {file_name}"
-                )
+                Finding.at(Mark(file_name, 1, 1), f"the file cannot be read: {reason}", f"check it: ls -ld {file_name}")
             ]
         if len(data) > LARGEST:
             return None, [
-                Finding.at(Mark(file_name, 1, 1), "the file is larger than 1 MB", "write it in several files")
+                Finding.at(Mark(file_name, 1, 1), "the file is larger than 1 MB", "split it into several files")
             ]
         self.contents[file_name] = data
         return _yaml.parse(data, file_name, decrypt)
@@ -259,7 +255,7 @@ def content(path: Path) -> bytes:
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(descriptor, "rb") as file:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(errno.EINVAL, "it is no regular file")
+            raise OSError(errno.EINVAL, "it is not a regular file")
         return file.read(LARGEST + 1)
 
 
@@ -287,7 +283,7 @@ def _scan_folder(sources: InventorySources, folder: Path, files: dict[str, list[
         elif entry.suffix == ".yml":
             if entry.stem in files:
                 hint = f"move it into {sources.name(entry.with_suffix(''))}/"
-                message = f"Ansible does not read this file beside the folder `{entry.stem}`"
+                message = f"Ansible does not read this file next to the folder `{entry.stem}`"
                 sources.findings.append(Finding.at(Mark(sources.name(entry), 1, 1), message, hint))
             files.setdefault(entry.stem, []).append(entry)
         else:
@@ -312,7 +308,7 @@ def _is_folder_for_file(sources: InventorySources, entry: Path) -> bool:
     _add_source_finding(
         sources,
         entry,
-        "a folder stands in place of a file",
+        "a folder is in place of a file",
         f"rename it: mv {file_name} {file_name.removesuffix('.yml')}",
     )
     return True
@@ -328,18 +324,22 @@ def _stray(sources: InventorySources, entry: Path, expected_names: tuple[str, ..
             return
         near = nearest(entry.name, expected_names)
         hint = (
-            f"did you mean `{near}`?" if near else f"put its files where they are read, or remove it: rm -r {file_name}"
+            f"did you mean `{near}`?"
+            if near
+            else f"move its files to where they are read, or remove it: rm -r {file_name}"
         )
-        _add_source_finding(sources, inside, f"nobody reads the folder `{entry.name}`", hint)
+        _add_source_finding(sources, inside, f"the folder `{entry.name}` is not read", hint)
     elif entry.name.endswith(_BACKUPS):
-        _add_source_finding(sources, entry, "this copy is not read, and may hold secrets", f"remove it: rm {file_name}")
+        _add_source_finding(
+            sources, entry, "this copy is not read, but may contain secrets", f"remove it: rm {file_name}"
+        )
     elif entry.suffix not in _DOCUMENTS:
         stem = entry.name.removesuffix(entry.suffix) if entry.suffix in {".yaml", ".json", ".ini", ""} else entry.stem
         name = nearest(f"{stem}.yml", expected_names) or f"{stem}.yml"
         _add_source_finding(
             sources,
             entry,
-            f"nobody reads the file `{entry.name}`",
+            f"the file `{entry.name}` is not read",
             f"rename it: mv {file_name} {_sibling_name(file_name, name)}",
         )
 
@@ -376,7 +376,7 @@ def build(
         if more := len(unknown[MOST_SHOWN:]):
             place = node.at(*unknown[MOST_SHOWN]).place
             findings.append(
-                Finding.at(place, f"from here on {more} more keys are not known", "correct the others first")
+                Finding.at(place, f"from here on, {more} more keys are unknown", "correct the others first")
             )
             return None, node, findings
     findings.extend(
@@ -473,15 +473,15 @@ class _Builder:
             return
         self.draft.nodes[Part(variable)] = node
         if node.value is not None and not isinstance(node.value, dict):
-            hint = f"write `name:` and below it, indented, {_schema.expected_type(model)}"
-            self.findings.append(Finding.at(node.place, f"`{variable}` wants a block of keys", hint))
+            hint = f"write `name:` and, indented below it, {_schema.expected_type(model)}"
+            self.findings.append(Finding.at(node.place, f"`{variable}` needs a block of keys", hint))
             return
         for name, below in node.keys.items():
             if why := why_no_name(name):
                 self.findings.append(Finding.at(below.place, *why))
             if (there := self.draft.nodes.get(Part(sort, name))) is not None:
                 where = f"{there.place.file}:{there.place.line}"
-                self.findings.append(Finding.at(below.place, f"`{name}` is declared already ({where})", "remove one"))
+                self.findings.append(Finding.at(below.place, f"`{name}` is already set ({where})", "remove one"))
                 continue
             part: Any = self._build(Part(sort, name), below, model, name)
             if part is not None:
@@ -508,8 +508,8 @@ class _Builder:
         part = Part("device", host)
         self.draft.nodes[part] = node
         if not isinstance(node.value, dict):
-            hint = "write `kind:` and the device's other keys below it, indented"
-            self.findings.append(Finding.at(node.place, "`device` wants a block of keys", hint))
+            hint = "write `kind:` and the other keys of the device below it, indented"
+            self.findings.append(Finding.at(node.place, "`device` needs a block of keys", hint))
             return
         node, kind = self._kind(host, node)
         if kind is not None:
@@ -534,7 +534,7 @@ class _Builder:
             return replace(node, value=keys), kind
         if kind is not None:
             message, hint = (
-                f"`{keys['kind'].text}` is no kind of device",
+                f"`{keys['kind'].text}` is not a kind of device",
                 suggest(keys["kind"].text, _schema.DEVICES, none=""),
             )
             self.findings.append(Finding.at(keys["kind"].mark, message, hint))
@@ -621,12 +621,12 @@ def _require_layout(root: _yaml.Node | None, findings: list[Finding], display_na
     layout = _hosts.parse_layout(root) if root is not None else None
     if layout is None or not (layout.sites or layout.findings or findings):
         raise NoMatchError(
-            f"{display_name}/{HOSTS} declares no site",
+            f"{display_name}/{HOSTS} contains no site",
             hint="write all: children: sites: children: <site>: hosts: <host>:",
         )
     if not (layout.hosts or layout.findings or findings):
         raise NoMatchError(
-            f"{display_name}/{HOSTS} declares no host",
+            f"{display_name}/{HOSTS} contains no host",
             hint=f"add hosts below a site; the sites are: {choices(layout.sites)}",
         )
     return layout
@@ -638,7 +638,7 @@ def shown_path(path: Path) -> str:
     return full.relative_to(here).as_posix() if full.is_relative_to(here) and full != here else path.as_posix()
 
 
-_READABLE = "use another account, or a copy that this one may read"
+_READABLE = "use another account, or a copy that this account can read"
 
 
 def _inventories_beside(inventory: Path) -> list[str]:
@@ -662,11 +662,11 @@ def _check_inventory_folder(inventory: Path) -> Path:
 def _require_inventory(inventory: Path) -> Path:
     if not inventory.is_dir():
         near = _inventories_beside(inventory)
-        hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory with {HOSTS} in it"
+        hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory that contains {HOSTS}"
         what = "is a file" if inventory.exists() else "does not exist"
         raise NoMatchError(f"the inventory directory {inventory} {what}", hint=hint)
     if not (inventory / HOSTS).exists():
         there = [path.name for path in _entries(inventory)]
-        hint = f"it holds: {choices(there)}" if there else "it is empty"
-        raise NoMatchError(f"there is no {HOSTS} in {inventory}", hint=hint)
+        hint = f"it contains: {choices(there)}" if there else "it is empty"
+        raise NoMatchError(f"{HOSTS} is missing in {inventory}", hint=hint)
     return inventory

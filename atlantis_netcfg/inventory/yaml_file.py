@@ -48,7 +48,9 @@ def read(path: Path, model: type[_M], name: str) -> Block[_M]:
         empty = Finding.at(start, "the file is empty", f"its keys are: {', '.join(model.model_fields)}")
         return Block(None, tuple(findings or [empty]), Node(start, {}))
     if not isinstance(root.value, dict):
-        wrong = Finding.at(root.mark, "the file wants a block of keys", f"they are: {', '.join(model.model_fields)}")
+        wrong = Finding.at(
+            root.mark, "the file must contain a block of keys", f"they are: {', '.join(model.model_fields)}"
+        )
         return Block(None, (*findings, wrong), root)
     value, root, more = build(root, model, name)
     return Block(value, (*findings, *more), root)
@@ -62,5 +64,7 @@ def _bytes(path: Path, name: str) -> bytes:
         why = getattr(error, "strerror", None) or str(error)
         raise UsageError(f"{name} cannot be read: {path}: {why}", hint="give the path of the file") from error
     if len(data) > _BYTES:
-        raise UsageError(f"{path} is larger than 1 MB, so it is no file of ours", hint="give the path of the file")
+        raise UsageError(
+            f"{path} is larger than 1 MB, so it is not a file of this program", hint="give the path of the file"
+        )
     return data

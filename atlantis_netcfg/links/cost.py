@@ -66,12 +66,12 @@ class MeteredLink:
     @property
     def cap_key(self) -> str:
         """The inventory key of the cap, for a person who wants to raise it."""
-        return f"`cap_mb` of bearer `{self.name}` in group_vars/{self.site}.yml"
+        return f"`cap_mb` of link `{self.name}` in group_vars/{self.site}.yml"
 
     @property
     def tariff_key(self) -> str:
         """The inventory key where the tariff belongs."""
-        return f"`billing` of bearer `{self.name}` in group_vars/{self.site}.yml"
+        return f"`billing` of link `{self.name}` in group_vars/{self.site}.yml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ class Preview:
         if not self.link.is_metered:
             whole = size(self.bill.payload_bytes)
             return f"over {name}, which is not paid by the byte: {'up to' if at_most else 'about'} {whole}"
-        missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not declared)"
+        missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not set)"
         cost = f"{self.bill.words}{missing}"
         return f"over {name} of {self.link.site}, which is paid by the byte: {'up to' if at_most else 'about'} {cost}"
 
@@ -143,9 +143,9 @@ class Preview:
         """Return the error for an action beyond the cap."""
         cap = self.link.cap_bytes or 0
         return CostRefusal(
-            f"this would send about {size(self.bill.payload_bytes)} over {self.link.name}, and no action may send more"
-            f" than {size(cap)} there",
-            hint=f"go over another link (`via=lan`), or raise {self.link.cap_key}",
+            f"this would send about {size(self.bill.payload_bytes)} over {self.link.name}; the limit for one action "
+            f"is {size(cap)}",
+            hint=f"use another link (`via=lan`), or raise {self.link.cap_key}",
         )
 
     def as_dict(self) -> Mapping[str, object]:
@@ -166,7 +166,7 @@ def bill(nbytes: int, seconds: float, tariff: Tariff | None) -> Bill:
     session. Raises ValueError for negative values.
     """
     if nbytes < 0 or seconds < 0:
-        raise ValueError(f"no session carries {nbytes} bytes in {seconds} s")
+        raise ValueError(f"invalid session: {nbytes} bytes in {seconds} s")
     if tariff is None:
         return Bill(nbytes, seconds, nbytes, Basis.PAYLOAD, None, None)
     billed_bytes, basis = _compute_billed_bytes(nbytes, seconds, tariff)

@@ -44,11 +44,13 @@ def judge_carrier_nat(link: str, address: str | None, *, forwards: bool) -> tupl
     )
     if why is None:
         return ()
-    message = f"`{link}` is behind its carrier's NAT: it has {address} ({why}), so nothing reaches the site over it"
+    message = f"`{link}` is behind its carrier's NAT: it has {address} ({why}), so the site cannot be reached over it"
     if forwards:
-        hint = "the forwarded ports of this router stay closed on this link: ask the provider for a public address"
+        hint = (
+            "the forwarded ports of this router cannot be reached over this link: ask the provider for a public address"
+        )
         return (LinkFinding(Verdict.FAIL, "carrier-nat-closes-forwards", message, hint),)
-    hint = "nothing to do: the VPN is started from the site; a public address would have to be ordered"
+    hint = "nothing to do: the site opens the VPN itself; a public address would have to be ordered"
     return (LinkFinding(Verdict.WARN, "carrier-nat", message, hint),)
 
 
@@ -62,18 +64,19 @@ def judge_factory_address(
     if answers_at_factory is None or answers_at_factory == declared_address:
         if answers:
             return ()
-        message = f"`{host}` does not answer at {declared_address} on {port}, nor where its factory puts it"
-        hint = "is it powered and plugged into that port? A terminal takes minutes to start"
+        message = f"`{host}` does not respond at {declared_address} on {port}, nor at its factory address"
+        hint = "check that it is powered and plugged into that port; a terminal takes minutes to start"
         return (LinkFinding(Verdict.INCONCLUSIVE, "box-silent", message, hint),)
     if answers:
-        message = f"on {port} `{host}` answers at {declared_address}, and something else at {answers_at_factory}"
-        return (LinkFinding(Verdict.WARN, "factory-address-answers", message, "what else is plugged in there?"),)
+        message = f"on {port} `{host}` responds at {declared_address}, and another device at {answers_at_factory}"
+        return (LinkFinding(Verdict.WARN, "factory-address-answers", message, "check what else is plugged in there"),)
     message = (
-        f"`{host}` is in the wrong subnet: on {port} it answers at {answers_at_factory}, declared is {declared_address}"
+        f"`{host}` is in the wrong subnet: on {port} it responds at {answers_at_factory}, the inventory has "
+        f"{declared_address}"
     )
     hint = (
-        f"set {declared_address} on its own page ({answers_at_factory} from a laptop), "
-        "or declare the network that it has"
+        f"set {declared_address} on its own page ({answers_at_factory} from a laptop), or correct the network in "
+        "the inventory"
     )
     return (LinkFinding(Verdict.FAIL, "box-in-wrong-subnet", message, hint),)
 
@@ -117,8 +120,8 @@ def judge_evidence(
             LinkFinding(
                 Verdict.WARN,
                 "terminal-not-looked-at",
-                f"nobody has looked at the terminal {name}: its firmware and its own allow-list are unknown",
-                f"open its pages, then write what they show under `evidence:` in host_vars/{name}.yml",
+                f"terminal {name} not inspected yet: its firmware and its own allow-list are unknown",
+                f"open its pages and record what they show under `evidence:` in host_vars/{name}.yml",
             ),
         )
     return (
@@ -131,25 +134,25 @@ def judge_evidence(
 
 def _check_evidence_age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[LinkFinding]:
     days = (today - evidence.seen_on).days
-    text = f"{evidence.by} looked at the terminal {name} on {evidence.seen_on.isoformat()}"
+    text = f"{evidence.by} inspected terminal {name} on {evidence.seen_on.isoformat()}"
     if days > STALE_AFTER_DAYS:
-        hint = f"look again, and write who and when under `evidence:` in host_vars/{name}.yml"
+        hint = f"inspect it again, and record who and when under `evidence:` in host_vars/{name}.yml"
         yield LinkFinding(Verdict.WARN, "terminal-evidence-old", f"{text}, {days} days ago", hint)
     elif days < 0:
         hint = f"correct `seen_on:` in host_vars/{name}.yml, or this computer's clock"
         yield LinkFinding(
-            Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{text}, which is yet to come", hint
+            Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{text}, which is in the future", hint
         )
 
 
 def _check_allow_list(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFinding]:
     if not evidence.allow_list:
         message = (
-            f"the terminal {name} has no allow-list of its own, or another one: only the router limits what it sends"
+            f"terminal {name} has no allow-list of its own, or a different one: only the router limits its traffic"
         )
         hint = (
-            "enter the declared destinations on the terminal's page; `provision measure satellite site=…` lists "
-            "and tries them"
+            "enter the inventory's destinations on the terminal's page; `provision measure satellite site=…` "
+            "lists and tests them"
         )
         yield LinkFinding(Verdict.WARN, "terminal-without-allow-list", message, hint)
 
@@ -157,30 +160,32 @@ def _check_allow_list(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFi
 def _check_backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[LinkFinding]:
     declared_sha256 = evidence.backup_sha256
     if declared_sha256 is None:
-        message = f"no backup of the terminal {name} is declared, so a changed setting would not be noticed"
+        message = f"the inventory has no backup of terminal {name}, so a changed setting would not be noticed"
         hint = "export one on its page and write `backup_file:` and `backup_sha256:` (sha256sum FILE)"
         yield LinkFinding(Verdict.WARN, "terminal-without-backup", message, hint)
     elif backup is None:
-        message = f"the backup of the terminal {name} that is declared is not on this computer"
+        message = f"the backup of terminal {name} in the inventory is not on this computer"
         file = evidence.backup_file or "the file"
-        hint = f"put {file} into inventory/evidence/, or name it: `provision measure satellite site=… backup=FILE`"
+        hint = (
+            f"put {file} into inventory/evidence/, or pass its path: `provision measure satellite site=… backup=FILE`"
+        )
         yield LinkFinding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
     elif backup.sha256 != declared_sha256:
         message = (
-            f"the backup {backup.path} of the terminal {name} is not the declared one: SHA-256 {backup.sha256[:16]}…, "
-            f"declared {declared_sha256[:16]}…"
+            f"the backup {backup.path} of terminal {name} is not the one in the inventory: SHA-256 "
+            f"{backup.sha256[:16]}…, expected {declared_sha256[:16]}…"
         )
-        hint = "its settings have changed, or the file is another one: look at its pages, then declare what is right"
+        hint = "its settings have changed, or this is another file: check its pages, then correct the inventory"
         yield LinkFinding(Verdict.FAIL, "terminal-backup-differs", message, hint)
 
 
 def _check_firmware(name: str, evidence: SatelliteEvidence, confirmed_firmware: str | None) -> Iterator[LinkFinding]:
     if confirmed_firmware is not None and confirmed_firmware != evidence.firmware:
         message = (
-            f"the terminal {name} had firmware {confirmed_firmware} when a run last recorded it, "
-            f"and has {evidence.firmware}"
+            f"terminal {name} had firmware {confirmed_firmware} when a run last recorded it, and now has "
+            f"{evidence.firmware}"
         )
-        hint = "a new firmware may have other defaults: look at its allow-list again, and prove it"
+        hint = "new firmware may have other defaults: check its allow-list again, and test it"
         yield LinkFinding(Verdict.WARN, "terminal-firmware-changed", message, hint)
 
 
@@ -213,21 +218,24 @@ def judge_names(
 def _judge_name(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[LinkFinding]:
     name = f"{target.dns_name} ({target.what})"
     if addresses is None:
-        message = f"{by} could not ask for {name}: whether it is still {target.address} is not known"
-        yield LinkFinding(Verdict.INCONCLUSIVE, "allow-list-name-not-asked", message, "ask again where DNS answers")
+        message = f"{by} could not resolve {name}: it is unknown whether its address is still {target.address}"
+        yield LinkFinding(Verdict.INCONCLUSIVE, "allow-list-name-not-asked", message, "try again where DNS works")
     elif not addresses:
-        message = f"{by} knows no address of {name}; the allow-list admits {target.address}"
+        message = f"{by} finds no address for {name}; the allow-list permits {target.address}"
         hint = f"correct `dns_name`, or the name itself ({target.where})"
         yield LinkFinding(Verdict.WARN, "allow-list-name-unknown", message, hint)
     elif target.address not in addresses:
         address_list = ", ".join(sorted(addresses))
-        message = f"{name} has moved: {by} resolves it to {address_list}, the allow-list admits {target.address}"
-        hint = f"declare the right address ({target.where}) and provision the site before it is left with its satellite"
+        message = (
+            f"the address of {name} has changed: {by} resolves it to {address_list}, the allow-list permits "
+            f"{target.address}"
+        )
+        hint = f"correct the address ({target.where}) and provision the site before the satellite is its only link"
         yield LinkFinding(Verdict.FAIL, "allow-list-name-moved", message, hint)
     elif len(addresses) > 1:
         others = ", ".join(sorted(addresses - {target.address}))
-        message = f"{name} has more addresses than the allow-list admits: {target.address}, but also {others}"
-        hint = "whoever takes one of the others over the satellite is dropped: add them to `allow:` if they are meant"
+        message = f"{name} has more addresses than the allow-list permits: {target.address}, but also {others}"
+        hint = "traffic to the others is dropped over the satellite: add them to `allow:` if they are needed"
         yield LinkFinding(Verdict.WARN, "allow-list-name-has-more", message, hint)
 
 
@@ -250,7 +258,7 @@ class ProbeOutcome(StrEnum):
     """No response within the window."""
     REFUSED_HERE = "refused here"
     """The router itself refused the packet, so nothing was sent."""
-    NOT_TRIED = "not tried"
+    NOT_TRIED = "not tested"
     """The target cannot be probed from the router; `note` gives the reason."""
 
 
@@ -259,12 +267,12 @@ class SatelliteProbe(StrEnum):
 
     ICMP = "icmp"
     TCP = "tcp"
-    UDP_COUNTER = "udp, answers counted by the filter"
-    TUNNEL = "openvpn, answers counted by the filter"
+    UDP_COUNTER = "udp, responses counted by the filter"
+    TUNNEL = "openvpn, responses counted by the filter"
     """While the tunnel is down its client retries continuously, so silence counts as evidence."""
-    TIME = "ntp, answers counted by the filter"
+    TIME = "ntp, responses counted by the filter"
     """The time client was made to send a request; its server answers everybody, so silence counts as evidence."""
-    VPN = "openvpn, asked by this computer"
+    VPN = "openvpn, requested by this computer"
     """First packet of a session, routed over the link; the server answers every member, so silence is evidence."""
     NONE = "none"
 
@@ -297,13 +305,17 @@ def judge_attempt(attempt: Attempt, *, link_seen: bool) -> LinkFinding:
     refused.
     """
     if attempt.outcome is ProbeOutcome.NOT_TRIED:
-        message = f"{attempt.name} ({attempt.target}) could not be tried: {attempt.note}"
+        message = f"{attempt.name} ({attempt.target}) could not be tested: {attempt.note}"
         return LinkFinding(Verdict.INCONCLUSIVE, "not-tried", message, attempt.hint or None)
     if attempt.expected_outcome is ExpectedOutcome.REACHED:
         return _judge_allowed(attempt)
     if attempt.outcome is ProbeOutcome.SILENT and not link_seen:
-        message = f"{attempt.name} ({attempt.target}) did not answer, but nothing else was reached over the satellite"
-        return LinkFinding(Verdict.INCONCLUSIVE, "link-not-seen", message, "is the terminal connected? Then try again")
+        message = (
+            f"{attempt.name} ({attempt.target}) did not respond, but nothing else was reached over the satellite either"
+        )
+        return LinkFinding(
+            Verdict.INCONCLUSIVE, "link-not-seen", message, "check that the terminal is connected, then try again"
+        )
     return _judge_forbidden(attempt)
 
 
@@ -313,13 +325,15 @@ def _judge_allowed(attempt: Attempt) -> LinkFinding:
         after = "" if attempt.after_s is None else f" after {attempt.after_s:.0f} s"
         return LinkFinding(Verdict.PASS, "reached", f"{who} was reached{after} over the satellite")
     if attempt.outcome is ProbeOutcome.REFUSED_HERE:
-        hint = "provision the site first: its filter is not the declared one"
-        return LinkFinding(Verdict.FAIL, "refused-by-the-router", f"{who} is allowed, and the router refuses it", hint)
+        hint = "provision the site first: its filter differs from the inventory"
+        return LinkFinding(Verdict.FAIL, "refused-by-the-router", f"{who} is allowed, but the router refuses it", hint)
     if attempt.window_s < WINDOW_S or attempt.probe is SatelliteProbe.UDP_COUNTER:
-        why = attempt.note or f"{attempt.window_s:.0f} s of silence are an ordinary gap of this link"
-        return LinkFinding(Verdict.INCONCLUSIVE, "silent", f"{who} did not answer: {why}", "try again later, or longer")
-    message = f"{who} did not answer in {attempt.window_s:.0f} s over the satellite"
-    hint = "is the terminal connected, and does its own allow-list hold this target?"
+        why = attempt.note or f"{attempt.window_s:.0f} s without a response are a normal gap of this link"
+        return LinkFinding(
+            Verdict.INCONCLUSIVE, "silent", f"{who} did not respond: {why}", "try again later, or with a longer window"
+        )
+    message = f"{who} did not respond within {attempt.window_s:.0f} s over the satellite"
+    hint = "check that the terminal is connected and that its own allow-list contains this target"
     return LinkFinding(Verdict.FAIL, "not-reached", message, hint)
 
 
@@ -328,16 +342,16 @@ def _judge_forbidden(attempt: Attempt) -> LinkFinding:
     if attempt.outcome is ProbeOutcome.ANSWERED:
         if attempt.filter_open:
             message = f"{who} was reached with the router's filter open: only the router enforces the allow-list"
-            hint = "enter the declared destinations on the terminal's page"
+            hint = "enter the inventory's destinations on the terminal's page"
             return LinkFinding(Verdict.WARN, "only-the-router-enforces", message, hint)
-        hint = "`provision site=…` brings the filter back; `provision report drift site=…` first tells what has changed"
-        return LinkFinding(Verdict.FAIL, "leak", f"{who} is not allowed, and was reached over the satellite", hint)
+        hint = "`provision site=…` restores the filter; `provision report drift site=…` first shows what has changed"
+        return LinkFinding(Verdict.FAIL, "leak", f"{who} is not allowed, but was reached over the satellite", hint)
     if attempt.outcome is ProbeOutcome.REFUSED_HERE:
-        return LinkFinding(Verdict.PASS, "refused", f"{who} is refused by the router, nothing was sent")
+        return LinkFinding(Verdict.PASS, "refused", f"{who} is refused by the router; nothing was sent")
     if attempt.filter_open and attempt.window_s < WINDOW_S:
-        message = f"{who} did not answer in {attempt.window_s:.0f} s: too short to tell a refusal from a gap"
+        message = f"{who} did not respond within {attempt.window_s:.0f} s: too short to tell a refusal from a gap"
         return LinkFinding(Verdict.INCONCLUSIVE, "silent", message, "try again with a longer window")
     if attempt.filter_open:
-        message = f"{who} did not answer in {attempt.window_s:.0f} s with the router's filter open"
-        return LinkFinding(Verdict.PASS, "refused-beyond", f"{message}: the terminal or the network refuses it")
-    return LinkFinding(Verdict.PASS, "refused", f"{who} was not reached in {attempt.window_s:.0f} s")
+        message = f"{who} did not respond within {attempt.window_s:.0f} s with the router's filter open"
+        return LinkFinding(Verdict.PASS, "refused-beyond", f"{message}: the terminal or the network blocks it")
+    return LinkFinding(Verdict.PASS, "refused", f"{who} was not reached within {attempt.window_s:.0f} s")

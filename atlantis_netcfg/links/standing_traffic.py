@@ -350,15 +350,17 @@ class StandingTraffic:
         """The traffic as lines of text: `39.5 MB a day, 1186.2 MB a month …`."""
         parts = ", ".join(f"{flow.source} {size(round(flow.both))}" for flow in self.flows)
         price = f": {self.bill.money}" if self.link.is_metered else ""
-        lines = [f"{size(self.day_bytes)} a day, {size(self.month_bytes)} a month while it carries the traffic{price}"]
+        lines = [
+            f"{size(self.day_bytes)} per day, {size(self.month_bytes)} per month while it carries the traffic{price}"
+        ]
         if self.flows:
-            lines.append(f"of a day: {parts}")
+            lines.append(f"per day: {parts}")
         if self.pace:
             lines.append(self.pace)
         if self.bill.billed_bytes > self.month_bytes:
             lines.append(f"a month is billed as {size(self.bill.billed_bytes)}, {self.bill.basis}")
         if self.idle_day_bytes:
-            lines.append(f"{size(self.idle_day_bytes)} a day while another link carries the traffic")
+            lines.append(f"{size(self.idle_day_bytes)} per day while another link carries the traffic")
         return tuple(lines)
 
     def only(self, source: TrafficSource) -> StandingTraffic:

@@ -175,26 +175,26 @@ def _is_declared(peer: WifiPeer, settings: WifiSettings) -> bool | None:
 def _not_registered(reading: WifiReading, settings: WifiSettings) -> LinkFinding:
     """Return the finding that tells why no peer is registered."""
     if reading.condition is WifiCondition.DISABLED:
-        hint = "run the site to enable it, or look who has disabled it"
+        hint = "apply the site's configuration to enable it, or find out who disabled it"
         return LinkFinding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
     if reading.condition is WifiCondition.RADAR:
         return _radar(reading, settings)
     if reading.is_associated is None:
         status = f"`{reading.status}`" if reading.status else "nothing"
-        message = f"it cannot be told whether {settings.peer} is registered: the radio's state is {status}"
-        hint = "look at the radio's own status page, or ask again in a minute"
+        message = f"unknown whether {settings.peer} is registered: the radio's state is {status}"
+        hint = "check the radio's own status page, or try again in a minute"
         return LinkFinding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
     if settings.access_point:
-        message = f"the access point is on the air, but {settings.peer} is not registered"
+        message = f"the access point is transmitting, but {settings.peer} is not registered"
         hint = (
-            f"has {settings.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
-            " ends; after a radar event it may take ten minutes"
+            f"check that {settings.peer} is powered and points here; then compare SSID, key, protocol and channel "
+            "at both ends; after a radar event it may take ten minutes"
         )
         return LinkFinding(Verdict.FAIL, "not-associated", message, hint)
-    message = f"the station searches for `{settings.ssid}` of {settings.peer} and does not find it"
+    message = f"the station searches for `{settings.ssid}` of {settings.peer} but does not find it"
     hint = (
-        f"is {settings.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
-        f" protocol ({settings.protocol}) and channel ({settings.frequency_mhz} MHz) at both ends"
+        f"check that {settings.peer} is on and not waiting for radar; then align the antennas, and compare SSID, "
+        f"key, protocol ({settings.protocol}) and channel ({settings.frequency_mhz} MHz) at both ends"
     )
     return LinkFinding(Verdict.FAIL, "not-associated", message, hint)
 
@@ -205,11 +205,11 @@ def _radar(reading: WifiReading, settings: WifiSettings) -> LinkFinding:
     reach = max(_HALF_CHANNEL_MHZ, settings.width_mhz - _HALF_CHANNEL_MHZ)
     long = channel - _HALF_CHANNEL_MHZ < high and channel + reach > low
     if reading.wait_left_s is not None:
-        how_long = f"{reading.wait_left_s:.0f} s are left"
+        how_long = f"{reading.wait_left_s:.0f} s left"
     else:
         how_long = f"up to 10 minutes at {low}-{high} MHz" if long else "60 s"
     message = f"the radio listens for radar at {channel} MHz before it may send ({how_long})"
-    hint = "wait, then look again; if it comes back often, choose another channel: radars are near ports and ships"
+    hint = "wait, then check again; if it happens often, choose another channel: radars are near ports and ships"
     return LinkFinding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
 
 
@@ -217,8 +217,8 @@ def _association(reading: WifiReading, settings: WifiSettings) -> Iterator[LinkF
     yield from _check_strangers(reading, settings)
     peer = _declared_peer(reading, settings)
     if peer is None or peer.signal_dbm is None:
-        message = "somebody is registered, but the radio does not say how well it is heard"
-        yield LinkFinding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
+        message = "a station is registered, but the radio reports no signal strength"
+        yield LinkFinding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "check the radio's own status page")
     if peer is None:
         return
     if peer.is_authorised is False:
@@ -238,25 +238,26 @@ def _check_strangers(reading: WifiReading, settings: WifiSettings) -> Iterator[L
         message = f"besides {settings.peer}, {names} is registered"
         yield LinkFinding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
     else:
-        message = f"registered to {names}, which is not {settings.peer}"
-        hint = "compare SSID and key; if the other end's radio was exchanged, run the site again"
+        message = f"registered to {names}, not to {settings.peer}"
+        hint = "compare SSID and key; if the radio at the other end was replaced, provision the site again"
         yield LinkFinding(Verdict.FAIL, "wrong-peer", message, hint)
 
 
 def _levels(peer: WifiPeer, settings: WifiSettings) -> Iterator[LinkFinding]:
     level = peer.signal_dbm
     if level is not None and level < settings.weakest_dbm:
-        message = f"{settings.peer} is heard with {level:g} dBm, below {settings.weakest_dbm:g} dBm"
-        hint = "align both antennas, look for what stands in between, and check the antenna's cables"
+        message = f"the signal of {settings.peer} is {level:g} dBm, below {settings.weakest_dbm:g} dBm"
+        hint = "align both antennas, look for obstacles between them, and check the antenna cables"
         yield LinkFinding(Verdict.WARN, "signal-weak", message, hint)
     if level is not None and level > settings.strongest_dbm:
         message = (
-            f"{settings.peer} is heard with {level:g} dBm, above {settings.strongest_dbm:g} dBm: receivers saturate"
+            f"the signal of {settings.peer} is {level:g} dBm, above {settings.strongest_dbm:g} dBm: the "
+            "receiver saturates"
         )
         yield LinkFinding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
     imbalance = peer.imbalance_db
     if imbalance is not None and imbalance > IMBALANCE_DB:
-        message = f"the chains hear {imbalance:g} dB apart, more than {IMBALANCE_DB:g} dB"
+        message = f"the signals of the two chains differ by {imbalance:g} dB, more than {IMBALANCE_DB:g} dB"
         hint = "check polarisation and alignment, then the connector of the weaker chain"
         yield LinkFinding(Verdict.WARN, "chain-imbalance", message, hint)
 
@@ -267,12 +268,15 @@ def _check_quality(reading: WifiReading, peer: WifiPeer) -> Iterator[LinkFinding
         quality_of = [reading.overall_ccq_percent]
     if quality_of and min(quality_of) < LOW_CCQ_PERCENT and reading.family is Family.WIRELESS:
         message = f"the connection quality (CCQ) is {min(quality_of):g} %, below {LOW_CCQ_PERCENT:g} %"
-        hint = "frames are repeated: look for others on the channel, a signal that is too strong, or a bad connector"
+        hint = (
+            "frames are retransmitted: look for other transmitters on the channel, a signal that is too strong, "
+            "or a bad connector"
+        )
         yield LinkFinding(Verdict.WARN, "ccq-low", message, hint)
     rates = [value for value in (peer.tx_rate_mbps, peer.rx_rate_mbps) if value is not None]
     if rates and min(rates) < LOW_RATE_MBPS:
         message = f"the rate is {min(rates):g} Mbit/s, below {LOW_RATE_MBPS:g} Mbit/s"
-        hint = "an idle link shows the rate of its management frames: look again while traffic flows, then align"
+        hint = "an idle link shows the rate of its management frames: check again while traffic flows, then align"
         yield LinkFinding(Verdict.WARN, "rate-low", message, hint)
 
 

@@ -91,10 +91,10 @@ class SshRoute:
         try:
             with socket.create_connection((address, port), timeout=_KNOCK_S) as knock:
                 if not knock.recv(1):
-                    raise ConnectionResetError("closed at once")
+                    raise ConnectionResetError("closed immediately")
         except OSError as error:
             raise ConsoleUnreachable(
-                f"{self.label}: nobody answers on the SSH port ({error.strerror or error})",
+                f"{self.label}: no response on the SSH port ({error.strerror or error})",
                 hint="is the laptop plugged into the right port of the device, with an address of that network "
                 f"(for {self.label}: another address that begins with {self.label.rpartition('.')[0]}.)?",
             ) from error
@@ -114,7 +114,7 @@ class SerialRoute:
 
     def prove(self, pin: str) -> None:
         """Raise ConsoleUnreachable: there is no TLS on a serial line."""
-        raise ConsoleUnreachable(f"certificate {pin[:16]}… cannot be tried over {self.label}")
+        raise ConsoleUnreachable(f"cannot test certificate {pin[:16]}… over {self.label}")
 
     def meet(self) -> None:
         """Do nothing: a serial line has no host key, and RouterOS does not print its own."""
@@ -222,7 +222,7 @@ class Adoption:
         if outcome.status is AdoptionStatus.ALREADY:
             result = self._unchanged_result(outcome, journal.run)
         else:
-            message = f"adopted: {len(outcome.steps)} steps, read back; {self.target.host} is on {self.target.port}"
+            message = f"adopted: {len(outcome.steps)} steps, verified; {self.target.host} is on {self.target.port}"
             result = self._result(outcome, errors.ExitCode.DONE, message, journal.run)
         return runs.mark_unrecorded(result, self._end(journal, result.status, result.exit, result.message))
 
@@ -280,8 +280,8 @@ class Adoption:
                 and outcome.status is not AdoptionStatus.PLANNED
             ):
                 yield (
-                    f"certificate {prerequisite.name} is not on the device yet ({prerequisite.reason}): "
-                    "import it before you provision"
+                    f"certificate {prerequisite.name} is not on the device yet ({prerequisite.reason}): import it "
+                    "before you run provision"
                 )
 
     def _stale(self) -> Iterator[str]:
@@ -292,9 +292,7 @@ class Adoption:
             ("host_key", self._access.host_key, pins.host_key(name)),
         ):
             if declared_pin and saved_pin and declared_pin != saved_pin:
-                yield (
-                    f"the inventory declares `{key}: {declared_pin}`: until it says {saved_pin}, the device is refused"
-                )
+                yield (f"the inventory has `{key}: {declared_pin}`: change it to {saved_pin}, or the device is refused")
 
     def _start_record(self) -> runs.RunStart:
         return runs.RunStart(
@@ -345,8 +343,8 @@ def target_of(inventory: Inventory, host: Host) -> AdoptionTarget:
     """Return the target state of a device at adoption; raise NoMatchError for kinds that the engine lacks."""
     if not is_supported(host):
         raise errors.NoMatchError(
-            f"{host.name} is a {host.device.kind.replace('_', ' ')}: only RouterOS devices are adopted",
-            hint="its own pages say how it is set up",
+            f"{host.name} is a {host.device.kind.replace('_', ' ')}: only RouterOS devices can be adopted",
+            hint="see the device's documentation for its setup",
         )
     managed_device = get_managed_device(inventory, host)
     access, place = managed_device.access, managed_device.place

@@ -46,7 +46,7 @@ def from_file(path: Path) -> requirements.BundleTarget:
         status = path.read_bytes()
     except OSError as error:
         raise requirements.BundleError(
-            f"{path} cannot be read: {error.strerror or error}", hint=f"`status=` names a copy of the board's {_STATUS}"
+            f"cannot read {path}: {error.strerror or error}", hint=f"`status=` takes a copy of the board's {_STATUS}"
         ) from error
     return requirements.read_target(status, str(path))
 
@@ -54,7 +54,7 @@ def from_file(path: Path) -> requirements.BundleTarget:
 def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> requirements.BundleTarget:
     """Read the dpkg status from the vendor's image of the host's card; raise BundleError or ImageError."""
     if not image.is_file():
-        raise ImageError(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
+        raise ImageError(f"{image} is not a file", hint="`image=` takes the vendor's image, like x.img.xz")
     ext4.require_tools("e2fsck", "debugfs")
     device = host.device
     layout = (
@@ -69,31 +69,31 @@ def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> req
         root.recover()
         status = root.read(_STATUS)
     if status is None:
-        raise requirements.BundleError(f"{image} holds no {_STATUS}", hint="bundles are made for Debian and Ubuntu")
+        raise requirements.BundleError(
+            f"{image} does not contain {_STATUS}", hint="bundles support only Debian and Ubuntu"
+        )
     return requirements.read_target(status, image.name)
 
 
 def from_board(inventory: Inventory, host: Host, request: Request) -> requirements.BundleTarget:
     """Read the dpkg status from the board by SSH; raise BundleError, always for a metered link."""
     access = PARTS[ACCESS](inventory, host, request)
-    others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
+    others = "give its package list with `status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE`"
     if access.get("metered"):
-        raise requirements.BundleError(
-            f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others
-        )
+        raise requirements.BundleError(f"{host.name} is reached over metered link {access['metered']}", hint=others)
     options = ["-o", "BatchMode=yes", "-o", "ConnectTimeout=120", "-p", str(access["port"])]
     words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _READ_STATUS]
     process = manifest.run(["ssh", *words])
     if process.returncode != 0:
         text = process.stderr.decode(errors="replace").strip()
-        why, hint = key_trouble(host.name, text) or (text.splitlines()[-1] if text else "no word", others)
-        raise requirements.BundleError(
-            f"{host.name} was asked what is installed on it, and did not answer: {why}", hint=hint
-        )
+        why, hint = key_trouble(host.name, text) or (text.splitlines()[-1] if text else "no message", others)
+        raise requirements.BundleError(f"cannot read the package list of {host.name}: {why}", hint=hint)
     try:
         status = gzip.decompress(process.stdout)
     except (OSError, EOFError, zlib.error) as error:
-        raise requirements.BundleError(f"{host.name}: its answer was cut off", hint="type the same again") from error
+        raise requirements.BundleError(
+            f"{host.name}: its response was truncated", hint="run the same command again"
+        ) from error
     return requirements.read_target(status, f"{host.name}:{_STATUS}")
 
 
@@ -105,8 +105,8 @@ def bundle_hosts(pilot_inventory: Inventory, site: str, only: Sequence[str] = ()
     if not hosts:
         scope = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
         raise NoMatchError(
-            f"{scope}: bundles are for gateways, control centres and operator stations, and none is selected",
-            hint="they are the hosts of groups `gateways`, `control_centres` and `operator_stations`",
+            f"{scope}: no gateway, control centre or operator station is selected, and bundles are only for these",
+            hint="see the hosts of groups `gateways`, `control_centres` and `operator_stations`",
         )
     return hosts
 
@@ -266,7 +266,7 @@ def _target(bundle_request: BundleRequest, host: Host, notify: events.Subscriber
         return from_file(bundle_request.status)
     if bundle_request.image is not None:
         name = bundle_request.image.name
-        notify(events.Event(host.name, events.Stage.CONNECTING, f"looking into {name}"))
+        notify(events.Event(host.name, events.Stage.CONNECTING, f"reading {name}"))
         return from_image(host, bundle_request.image, lambda _count, _total: None)
-    notify(events.Event(host.name, events.Stage.CONNECTING, "asking what is installed"))
+    notify(events.Event(host.name, events.Stage.CONNECTING, "reading the package list"))
     return from_board(bundle_request.inventory, host, bundle_request.request)

@@ -102,7 +102,7 @@ def without_guest(text: str, name: str) -> str | None:
     first = next((number for number, line in enumerate(lines) if key.fullmatch(line.rstrip("\n"))), None)
     if first is None:
         raise errors.UsageError(
-            f"`{name}` is not written in {FILE} as this command writes it", hint="remove it there by hand"
+            f"`{name}` is not written in {FILE} as this command writes it", hint="remove it by hand"
         )
     last = next((number for number in range(first + 1, len(lines)) if re.match(r" {0,2}\S", lines[number])), len(lines))
     remaining_text = "".join([*lines[:first], *lines[last:]])
@@ -114,8 +114,8 @@ def declared_guest(inventory: Inventory, name: str) -> model.Guest | None:
     result = inventory.vehicles.get(name)
     if result is None or isinstance(result, model.Guest):
         return result
-    hint = "remove it there by hand: these commands write and remove what stands in guests.yml alone"
-    raise errors.UsageError(f"`{name}` is declared in vehicles.yml, and no guest of this command", hint=hint)
+    hint = "remove it by hand: these commands edit only guests.yml"
+    raise errors.UsageError(f"`{name}` is in vehicles.yml, and is not a guest of this command", hint=hint)
 
 
 def robot_file(root: Path, name: str) -> Path:
@@ -133,8 +133,8 @@ def unknown(inventory: Inventory, name: str) -> errors.NoMatchError:
     """Return the error for a guest that does not exist."""
     guests = [key for key, vehicle in inventory.vehicles.items() if isinstance(vehicle, model.Guest)]
     near = errors.nearest(name, guests)
-    hint = f"did you mean `{near}`?" if near else f"there are: {', '.join(guests) or 'none'}"
-    return errors.NoMatchError(f"there is no guest `{name}`", hint=hint)
+    hint = f"did you mean `{near}`?" if near else f"guests: {', '.join(guests) or 'none'}"
+    return errors.NoMatchError(f"no such guest: `{name}`", hint=hint)
 
 
 def remove_packages(authority: Authority, members: Sequence[Member]) -> None:
@@ -148,12 +148,12 @@ def left_over(root: Path, authority: Authority, name: str) -> tuple[str, ...]:
     """Return what remains of a removed guest, as text, read again from inventory and record."""
     leftovers = []
     if name in load(root).vehicles:
-        leftovers.append(f"`{name}` still stands in {FILE}")
+        leftovers.append(f"`{name}` is still in {FILE}")
     if (robot := robot_file(root, name)).exists():
-        leftovers.append(f"{robot} is still there")
+        leftovers.append(f"{robot} still exists")
     for member in members_of(authority, name):
         if member.good:
-            leftovers.append(f"`{member.name}` still has a good certificate")
+            leftovers.append(f"`{member.name}` still has a valid certificate")
         places = [authority.folder / "handouts" / item.common_name for item in member.certificates]
-        leftovers += [f"{place} is still there" for place in places if place.exists()]
+        leftovers += [f"{place} still exists" for place in places if place.exists()]
     return tuple(leftovers)

@@ -84,13 +84,13 @@ def _image_of(host: Host) -> tuple[model.SiteComputer, model.Image]:
     device = host.device
     if not isinstance(device, model.SiteComputer):
         raise errors.UsageError(
-            f"`{host.name}` is a {device.kind.replace('_', ' ')}: "
-            "cards are made for gateways, control centres and operator stations",
-            hint="name a host of group `gateways`, `control_centres` or `operator_stations`",
+            f"`{host.name}` is a {device.kind.replace('_', ' ')}; cards are only for gateways, control centres and "
+            "operator stations",
+            hint="give a host of group `gateways`, `control_centres` or `operator_stations`",
         )
     if device.image is None:
         raise errors.UsageError(
-            f"host_vars/{host.name}.yml does not say what goes into the image of `{host.name}`",
+            f"host_vars/{host.name}.yml has no image settings for `{host.name}`",
             hint="add `image: {layout: odroid-n2, ssh_keys: [ssh-ed25519 …]}` to its `device`",
         )
     return device, device.image
@@ -149,7 +149,9 @@ class ImageOrder:
         """Check everything possible before the long work; raise UsageError."""
         layout_of(self.host)
         if not self.image.is_file():
-            raise facts.ImageError(f"{self.image} is no file", hint="`from=` names the vendor's image, like x.img.xz")
+            raise facts.ImageError(
+                f"{self.image} is not a file", hint="`from=` takes the vendor's image, like x.img.xz"
+            )
         checksum(self.image, self.sha256)
         ext4.require_tools(*ext4.PROGRAMS)
 
@@ -190,9 +192,11 @@ class MadeImage:
                     os.fsync(out.fileno())
                 file.hardlink_to(whole)
         except FileExistsError:
-            raise errors.UsageError(f"{file} is there already", hint="name a new file, or remove that one") from None
+            raise errors.UsageError(
+                f"{file} already exists", hint="give a new file name, or remove the existing file"
+            ) from None
         except OSError as error:
-            raise errors.UsageError(f"{file} cannot be written: {error.strerror}") from error
+            raise errors.UsageError(f"cannot write {file}: {error.strerror}") from error
         return self.image.size
 
     def _tell(self, progress: writer.Progress) -> None:
@@ -205,14 +209,16 @@ def prepare_image(order: ImageOrder, notify: events.Subscriber) -> Iterator[Made
     place = temporary.large_temp_dir()
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
         raise errors.UsageError(
-            f"no work can be done in {place}", hint="TMPDIR: a directory without blanks in its name"
+            f"cannot use {place} as working directory", hint="set TMPDIR: a directory without spaces in its name"
         )
     name = order.host.name
     with temporary.folder("image", place) as folder:
         try:
             ready = _make(order, folder, notify)
         except KeyboardInterrupt as error:
-            raise ImageInterruptError(f"stopped while the image of {name} was made: no card was touched") from error
+            raise ImageInterruptError(
+                f"interrupted while the image of {name} was being made: no card was written"
+            ) from error
         yield ready
 
 
@@ -224,7 +230,7 @@ def _make(order: ImageOrder, folder: Path, notify: events.Subscriber) -> MadeIma
     notes = customise(image.path, layout_of(order.host), wish_of(order.inventory, order.host, source))
     notify(events.Event(name, events.Stage.PLANNED, "customised, and every change read back"))
     if not image.told_by:
-        notes = (f"nobody has confirmed the checksum of {order.image.name}: {image.sha256}", *notes)
+        notes = (f"the checksum of {order.image.name} was not confirmed: {image.sha256}", *notes)
     return MadeImage(order, image, notes, notify)
 
 

@@ -50,7 +50,7 @@ def _newer(saved_state: _items.DesiredState, desired_state: _items.DesiredState)
     """Return a note on menus that the inventory has by now and the saved state does not."""
     menus = [MENUS[path] for path in desired_state.menus if path not in saved_state.items]
     titles = ", ".join(menu.title for menu in menus if menu.is_exported and not menu.readonly)
-    return (f"not in the saved state, and left as they are: {titles}",) if titles else ()
+    return (f"not in the saved state and left unchanged: {titles}",) if titles else ()
 
 
 def _mark_unit_values_unknown(item: RowItem) -> RowItem:
@@ -93,7 +93,7 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
         raise NoMatchError(
             f"no run has confirmed a state of {host.name}",
             hint=(
-                f"`provision site={host.site}` keeps what it reads back at its end; `provision report runs` lists "
+                f"`provision site={host.site}` stores the verified state at its end; `provision report runs` lists "
                 "all runs"
             ),
         )
@@ -103,7 +103,7 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
     if saved_state is None:
         run_ids = [item.id for item in store.runs(host.site) if item.confirmed_state(host.name) is not None]
         near = nearest(run, [*run_ids, LATEST])
-        choices = f"these have: {', '.join(run_ids[-_MAX_RUNS:])}; or type `run={LATEST}`"
+        choices = f"runs with a state: {', '.join(run_ids[-_MAX_RUNS:])}; or type `run={LATEST}`"
         raise NoMatchError(
             f"run {run} has confirmed no state of {host.name}",
             hint=f"did you mean `run={near}`? {choices}" if near else choices,
@@ -111,7 +111,7 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
     if run == LATEST and (damage := store.damage_since(host.site, saved_state.run)):
         raise runs.DamagedStateError(
             f"{damage}; a later state of {host.name} may be lost",
-            hint=f"to take the last one that can be read, type `run={saved_state.run}`",
+            hint=f"to use the last readable one, type `run={saved_state.run}`",
         )
     return saved_state
 

@@ -70,12 +70,12 @@ def source_at(inventory: Inventory, site: str, name: str | None) -> tuple[Source
     """Return the only or the named source of a site, and its gateway; raise NoMatchError or UsageError."""
     if inventory.pilot.retrieval is None:
         raise errors.NoMatchError(
-            "no recordings are declared to be retrieved",
-            hint="write `retrieval:` in group_vars/all/pilot.yml: docs/gateways.md has an example",
+            "the inventory has no recordings to retrieve",
+            hint="set `retrieval:` in group_vars/all/pilot.yml: docs/gateways.md has an example",
         )
     if site not in inventory.sites:
         near = errors.nearest(site, inventory.sites)
-        site_names = f"the sites are: {', '.join(inventory.sites)}"
+        site_names = f"sites: {', '.join(inventory.sites)}"
         raise errors.UsageError(
             f"`site={site}`: recordings are retrieved from one site at a time",
             hint=f"did you mean `site={near}`? {site_names}" if near else site_names,
@@ -85,18 +85,18 @@ def source_at(inventory: Inventory, site: str, name: str | None) -> tuple[Source
     }
     if not sources:
         raise errors.NoMatchError(
-            f"no recordings of {site} are declared to be retrieved",
-            hint="add a gateway of it to `retrieval.sources` in group_vars/all/pilot.yml",
+            f"the inventory has no recordings of {site} to retrieve",
+            hint="add one of its gateways to `retrieval.sources` in group_vars/all/pilot.yml",
         )
     choices = f"choose one of these: {', '.join(f'`from={each}`' for each in sources)}"
     if name is None and len(sources) > 1:
-        raise errors.UsageError(f"{site} has recordings of more than one computer", hint=choices)
+        raise errors.UsageError(f"{site} has recordings of several computers", hint=choices)
     source_name = next(iter(sources)) if name is None else name
     source = sources.get(source_name)
     if source is None:
         near = errors.nearest(source_name, sources)
         raise errors.UsageError(
-            f"`from={source_name}`: no recordings of it are declared at {site}",
+            f"`from={source_name}`: the inventory has no recordings of it at {site}",
             hint=f"did you mean `from={near}`? {choices}" if near else choices,
         )
     return source, inventory.hosts[source.host]
@@ -133,10 +133,10 @@ class RobotLook:
     def lines(self) -> list[str]:
         """Return the lines to show before a transfer."""
         if self.state != "answers":
-            return [f"what is on {self.name} was not looked at: {self.why}"]
+            return [f"{self.name} was not searched: {self.why}"]
         if not self.files:
             return []
-        return [f"{_files(self.files)} on {self.name}, {size(self.bytes)}: {self.gateway} collects them first"]
+        return [f"{_files(self.files)} on {self.name}, {size(self.bytes)}: {self.gateway} collects these first"]
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON-able data."""
@@ -224,8 +224,8 @@ class RetrievalPlan:
             f"{_files(self.files)} to send, {size(int(self.look['bytes']))}",
             *(self.robot.lines() if self.robot is not None else ()),
             *left_out(self.look),
-            f"{self.cost.words}, in {duration(self.seconds)} at least",
-            f"at {rate}: priority {self.priority.value} takes {share} of what {self.link.name} is declared with",
+            f"{self.cost.words}, at least {duration(self.seconds)}",
+            f"at {rate}: priority {self.priority.value} uses {share} of the rate of {self.link.name} in the inventory",
         ]
 
     def as_dict(self) -> dict[str, Any]:
@@ -314,25 +314,25 @@ class RetrievalStatus:
             collected_files, files = self.answer.get("collected", 0), _files(int(self.answer.get("collect", 0)))
             why = f": {self.answer['why']}" if self.answer.get("why") else ""
             here = size(int(self.answer.get("collected_bytes", 0)))
-            return f"collects from {self.source}, {collected_files} of {files}, {here} on the gateway{why}"
+            return f"collecting from {self.source}, {collected_files} of {files}, {here} on the gateway{why}"
         wire, files = size(int(self.answer["wire_bytes"])), self.answer.get("files", 0)
         over = f" over {self.answer['link']}" if "link" in self.answer else ""
         cost = f", {self.total_cost.money}" if self.link is not None and self.link.is_metered else ""
-        of = f"{self.answer.get('arrived', 0)} of {_files(files)} whole, {wire} sent{over}{cost}"
-        return f"waits for the control centre, {of}: {self.answer.get('why')}" if self.state == "waiting" else of
+        of = f"{self.answer.get('arrived', 0)} of {_files(files)} complete, {wire} sent{over}{cost}"
+        return f"waiting for the control centre, {of}: {self.answer.get('why')}" if self.state == "waiting" else of
 
     def lines(self, site: str) -> list[str]:
         """Return the status as lines of text."""
-        again = f"`provision robot retrieve site={site} from={self.source}` goes on, and sends nothing twice"
+        again = f"`provision robot retrieve site={site} from={self.source}` continues, and sends nothing twice"
         closing = {
-            "none": ["nothing has been retrieved from here yet"],
-            "sending": [f"it goes on: {self.progress()}"],
-            "collecting": [f"it goes on: {self.progress()}"],
+            "none": ["nothing was retrieved from here yet"],
+            "sending": [f"in progress: {self.progress()}"],
+            "collecting": [f"in progress: {self.progress()}"],
             "waiting": [self.progress()],
-            "stopped": ["it was stopped; what has arrived stays at the control centre", again],
-            "spent": ["it has ended by itself: it has sent as much as was agreed to", again],
-            "failed": [f"it has failed: {self.answer.get('why') or 'files are not the same at both ends'}", again],
-            "lost": ["it has ended without a word: the gateway was switched off, or its program has failed", again],
+            "stopped": ["stopped; received files stay at the control centre", again],
+            "spent": ["ended: the accepted amount was sent", again],
+            "failed": [f"failed: {self.answer.get('why') or 'files differ between the two ends'}", again],
+            "lost": ["ended without notice: the gateway was switched off, or its program failed", again],
         }
         if self.state != "done":
             return [*closing[self.state], *self._left_lines()]
@@ -347,15 +347,15 @@ class RetrievalStatus:
 
     def _left_lines(self) -> list[str]:
         words = {
-            "changed": "changed while it was sent: type the same again when it is written to no more",
-            "gone": "is there no more",
-            "differ": "is not the same at the control centre, though it was sent again: look at both disks",
-            "unread": f"could not be read on {self.source}, or is there no more",
-            "robot": f"is still on {self.source}: {self.answer.get('why') or 'it was not collected'}",
+            "changed": "changed while being sent: run the same command again when it is no longer being written",
+            "gone": "no longer exists",
+            "differ": "differs at the control centre although it was sent again: check both disks",
+            "unread": f"could not be read on {self.source}, or no longer exists",
+            "robot": f"is still on {self.source}: {self.answer.get('why') or 'not collected'}",
         }
-        problems = [f"{path}: was not the same at the control centre any more" for path in self.answer.get("lost", ())]
+        problems = [f"{path}: no longer the same at the control centre" for path in self.answer.get("lost", ())]
         if self.answer.get("unseen"):
-            problems.append(f"what is on {self.source} was not looked at: {self.answer['unseen']}")
+            problems.append(f"{self.source} was not searched: {self.answer['unseen']}")
         return [*problems, *(f"{path}: {words[name]}" for name, paths in self.missing_files.items() for path in paths)]
 
     def as_dict(self) -> dict[str, Any]:
@@ -399,7 +399,7 @@ class RetrievalProgram:
         if not answer["folder"]:
             raise errors.DeviceError(
                 f"{self.host.name} has no such folder: {answer['place']}",
-                hint="`retrieval.sources` in group_vars/all/pilot.yml names the folder of the recordings",
+                hint="`retrieval.sources` in group_vars/all/pilot.yml sets the folder of the recordings",
             )
         self._refuse_robot(answer)
         return answer
@@ -410,20 +410,22 @@ class RetrievalProgram:
         if robot is None or not isinstance(source, model.RetrievalRobot):
             return
         if robot.state == "away" and not answer["files"]:
-            hint = "bring it to the LAN of the gateway, with its power on, and type the same again"
+            hint = "switch it on, connect it to the gateway's LAN, and run the same command again"
             raise errors.DeviceError(f"nothing was collected: {robot.why}", hint=hint)
         if robot.state == "refused":
             kind = answer["robot"]["kind"]
             line = line_for_robot(self._declaration, source)
-            admit = f"its owner installs rsync, and writes this line in authorized_keys of {source.user} on it: {line}"
-            trust = f"if it is the robot: write its new key as `host_key` of {robot.name} in `retrieval.robots`"
+            admit = f"ask its owner to install rsync, and to add this line to authorized_keys of {source.user}: {line}"
+            trust = f"if it is the robot: set its new key as `host_key` of {robot.name} in `retrieval.robots`"
             hints = {"key": admit, "program": admit, "host_key": trust}
-            account = f"let {source.user} read all of {source.folder} on {robot.name}, then type the same again"
+            account = (
+                f"allow {source.user} to read all of {source.folder} on {robot.name}, then run the same command again"
+            )
             raise errors.DeviceError(f"nothing was collected: {robot.why}", hint=hints.get(kind, account))
         if robot.lacking:
-            hint = "take fewer files with `files=`, or declare a higher `budget_mb` of it in `retrieval.robots`"
+            hint = "select fewer files with `files=`, or raise its `budget_mb` in `retrieval.robots`"
             raise errors.DeviceError(
-                f"{size(robot.lacking)} are missing on {robot.gateway} for {robot.name}", hint=hint
+                f"{size(robot.lacking)} more free space is needed on {robot.gateway} for {robot.name}", hint=hint
             )
 
     def start(self, job: Mapping[str, Any]) -> None:
@@ -433,19 +435,21 @@ class RetrievalProgram:
             answer = self._ask("start", job)
         except GatewayAway as error:
             raise BeginningUnknown(
-                f"whether {name} has begun is not known: {error}", hint=shown_by(self.host, self.source)
+                f"unknown whether {name} has started: {error}", hint=shown_by(self.host, self.source)
             ) from None
         if (why := answer.get("error")) is None:
             return
         words = {
-            "running": "a transfer goes on there already",
-            "more": "there is more to send now than was looked at",
-            "nothing": "there is nothing to send any more",
-            "robot": f"{self.source.name} answers no more" if answer.get("why") else f"{self.source.name} answers now",
+            "running": "a transfer is already running there",
+            "more": "there is more to send than was checked",
+            "nothing": "there is nothing left to send",
+            "robot": f"{self.source.name} no longer responds"
+            if answer.get("why")
+            else f"{self.source.name} responds now",
             "unit": f"its unit does not start: {answer.get('why')}",
         }
-        hint = shown_by(self.host, self.source) if why == "running" else "type the same again"
-        raise NotBegun(f"{name} does not begin: {words[why]}", hint=hint)
+        hint = shown_by(self.host, self.source) if why == "running" else "run the same command again"
+        raise NotBegun(f"{name} does not start: {words[why]}", hint=hint)
 
     def status(self) -> RetrievalStatus:
         """Return the transfer's status; raise GatewayAway."""
@@ -455,7 +459,9 @@ class RetrievalProgram:
         """Stop the transfer and return its status; raise GatewayAway or DeviceError."""
         answer = self._ask("stop", {})
         if "error" in answer:
-            raise errors.DeviceError(f"{self.host.name} does not stop: {answer.get('why')}", hint="type the same again")
+            raise errors.DeviceError(
+                f"{self.host.name} does not stop: {answer.get('why')}", hint="run the same command again"
+            )
         return self._status(answer)
 
     def _status(self, answer: Mapping[str, Any]) -> RetrievalStatus:
@@ -476,15 +482,17 @@ class RetrievalProgram:
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise GatewayAway(f"{name} did not answer within {_ANSWER_S:.0f} s", hint="type the same again") from None
+            raise GatewayAway(
+                f"{name} did not respond within {_ANSWER_S:.0f} s", hint="run the same command again"
+            ) from None
         except OSError as error:
-            raise GatewayAway(f"{name} was not reached: {error}", hint="install OpenSSH's client") from None
+            raise GatewayAway(f"{name} is unreachable: {error}", hint="install the OpenSSH client") from None
         if process.returncode:
             raise self._failure(process.stderr)
         try:
             answer: dict[str, Any] = json.loads(process.stdout.strip().rpartition("\n")[2])
         except ValueError:
-            raise GatewayAway(f"the answer of {name} did not come whole", hint="type the same again") from None
+            raise GatewayAway(f"the response of {name} was incomplete", hint="run the same command again") from None
         if answer.get("source") != self.source.name:
             raise self._not_set_up()
         return answer
@@ -493,9 +501,11 @@ class RetrievalProgram:
         retrieval, name = self._declaration.pilot.retrieval, self.host.name
         centre = self.host if retrieval is None else self._declaration.hosts[retrieval.to]
         return errors.DeviceError(
-            f"{name} has not been set up for this",
-            hint=f"type `provision site={self.host.site} device={name}`, and `provision site={centre.site} "
-            f"device={centre.name}`",
+            f"{name} is not set up for this",
+            hint=(
+                f"run `provision site={self.host.site} device={name}` and `provision site={centre.site} "
+                f"device={centre.name}`"
+            ),
         )
 
     def _failure(self, text: str) -> errors.DeviceError:
@@ -506,15 +516,14 @@ class RetrievalProgram:
             return GatewayAway(f"{name} was not reached: {trouble[0]}", hint=trouble[1])
         last = text.strip().rpartition("\n")[2] or "ssh said nothing"
         return GatewayAway(
-            f"{name} was not reached: {last}", hint="look at its power and at your way to it, then type the same again"
+            f"{name} was not reached: {last}",
+            hint="check its power and your connection to it, then run the same command again",
         )
 
 
 def shown_by(host: Host, source: Source) -> str:
     """Return the hint on how to show or stop the transfer."""
-    return (
-        f"`provision robot retrieve site={host.site} from={source.name} status` shows it, `stop` in its place ends it"
-    )
+    return f"`provision robot retrieve site={host.site} from={source.name} status` shows it, `stop` instead ends it"
 
 
 def new_number() -> str:
@@ -541,9 +550,9 @@ def _files(count: int) -> str:
 def left_out(look: Mapping[str, Any]) -> list[str]:
     """Return which files are not sent, and why."""
     words = (
-        ("compared", "{} of them retrieved before, to be compared again"),
-        ("kept", "{} retrieved before"),
-        ("writing", "{} left out: written to less than a minute ago"),
-        ("unnamed", "{} left out: the name is no printable text"),
+        ("compared", "{} of them retrieved earlier, to be compared again"),
+        ("kept", "{} retrieved earlier"),
+        ("writing", "{} skipped: written less than a minute ago"),
+        ("unnamed", "{} skipped: the name is not printable text"),
     )
     return [text.format(_files(look[name])) for name, text in words if look.get(name)]

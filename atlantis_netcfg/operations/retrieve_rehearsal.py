@@ -40,13 +40,13 @@ GAP_S: Final = 20.0
 SILENCE_S: Final = 3
 """Maximum silence of a connection in seconds, instead of 120 s."""
 NOT_REHEARSED: Final = (
-    f"a gap of 70 s: the link is cut until the connection is lost, which may be silent for {SILENCE_S} s, not 120 s",
-    "SSH, its keys and accounts, and the VPN: the two programs are joined without them",
-    "the router, and a site that changes its link meanwhile; the link does what is declared below `rate`",
-    "the end at the cap of the link, systemd, a restart of the gateway, a full disk",
-    "real recordings: these are noise, as much as the link carries in some seconds",
+    f"an outage of 70 s: the link is cut until the connection is lost, which takes up to {SILENCE_S} s here, not 120 s",
+    "SSH with keys and accounts, and the VPN: the two programs are connected without them",
+    "the router, and a change of link meanwhile; the link behaves as set under `rate`",
+    "reaching the link's data limit, systemd, a restart of the gateway, a full disk",
+    "real recordings: these are random data, as much as the link carries in some seconds",
 )
-ROBOT_NOT_REHEARSED: Final = "the robot: its recordings lie in a folder of this computer, and its SSH and LAN are none"
+ROBOT_NOT_REHEARSED: Final = "the robot: its recordings are in a folder of this computer, without SSH or LAN"
 _SECONDS: Final = 12
 _LEAST_BYTES, _MOST_BYTES = 20_000, 3_000_000
 _LOOK_S: Final = 0.2
@@ -64,7 +64,7 @@ def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None
     if gateway is None or centre is None:
         raise errors.NoMatchError(
             f"{site} has no gateway in the VPN, or the pilot has no control centre there",
-            hint="docs/gateways.md says what a transfer of recordings needs",
+            hint="docs/gateways.md describes the requirements for transferring recordings",
         )
     hosts = dict(inventory.hosts)
     for name in (gateway, centre):
@@ -74,7 +74,7 @@ def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None
         hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh_settings}))
     example = model.Retrieval.model_validate({"to": centre, "budget_mb": 1000, "sources": [{"host": gateway}]})
     pilot = inventory.pilot.model_copy(update={"retrieval": example})
-    words = f"no recordings are declared to be retrieved: this is an example, from {gateway} to {centre}"
+    words = f"the inventory has no recordings to retrieve: this is an example, from {gateway} to {centre}"
     return replace(inventory, hosts=hosts, pilot=pilot), words
 
 
@@ -130,17 +130,17 @@ class RehearsedTransfer:
     def lines(self, *, same: bool) -> list[str]:
         """Return the final lines in addition to the transfer's status."""
         seconds = f"{self.cut_s:.0f}"
-        cut = "the link was not cut on the way"
+        cut = "the link was not interrupted"
         if self.cut_s:
-            cut = f"the link was cut for {seconds} s on the way, and the connection outlived it"
+            cut = f"the link was interrupted for {seconds} s, and the connection survived"
         if self.is_lost:
-            cut = f"the link was cut for {seconds} s on the way, and the connection was lost"
+            cut = f"the link was interrupted for {seconds} s, and the connection was lost"
         return [
-            f"{size(self.sent_bytes)} went over the emulated link for {size(self.recorded_bytes)} of recordings",
+            f"{size(self.sent_bytes)} were sent over the emulated link for {size(self.recorded_bytes)} of recordings",
             cut,
-            "both folders were read by this computer: they are the same"
+            "this computer compared both folders: they are identical"
             if same
-            else "both folders were read by this computer: they are not the same",
+            else "this computer compared both folders: they differ",
         ]
 
     def same(self) -> bool:
@@ -153,8 +153,8 @@ def rehearsed_transfer(inventory: Inventory, source: retrieve.Source, link: mode
     """Install and connect both ends until the context ends; raise UsageError."""
     if shutil.which("rsync") is None:
         raise errors.UsageError(
-            "rsync is not installed on this computer, and the rehearsal sends by it",
-            hint="type `sudo apt install rsync`, then the same again",
+            "rsync is not installed on this computer, and the rehearsal needs it",
+            hint="run `sudo apt install rsync`, then the same command again",
         )
     settings = inventory.pilot.retrieval
     assert settings is not None  # noqa: S101 - the source is of it

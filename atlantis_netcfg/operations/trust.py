@@ -46,9 +46,7 @@ class DeviceIdentity:
     """Key in the inventory; it takes precedence over the one stored on this computer."""
     pinned_key: str | None
     """Key stored on this computer."""
-    compare: str = (
-        "compare it where nobody can be in between: at the device itself, on a cable that leads to nothing else"
-    )
+    compare: str = "compare it where no interception is possible: at the device, over a cable that leads nowhere else"
     """How to compare the key at the device itself."""
 
     @property
@@ -127,7 +125,9 @@ class TrustedComputer:
                 check=False,
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise DeviceError(f"{self.host.name} was not reached: {error}", hint="is OpenSSH's client here?") from error
+            raise DeviceError(
+                f"{self.host.name} is unreachable: {error}", hint="is the OpenSSH client installed here?"
+            ) from error
         if "IDENTIFICATION HAS CHANGED" in process.stderr:
             return KeyState.MISMATCH
         if "Host key verification failed" in process.stderr:
@@ -135,7 +135,7 @@ class TrustedComputer:
         if process.returncode and "Permission denied" not in process.stderr:
             last = (process.stderr.strip() or f"exit {process.returncode}").splitlines()[-1]
             raise DeviceError(
-                f"{self.host.name} was not reached: {last}", hint="look at its power and its cable, then try again"
+                f"{self.host.name} was not reached: {last}", hint="check its power and its cable, then try again"
             )
         return KeyState.MATCH
 

@@ -68,8 +68,8 @@ class Upgrading:
         strangers = sorted(observation.files.keys() - {package.path.name for package in self.packages})
         if strangers:
             raise errors.DeviceError(
-                f"other packages lie on the device, and its next reboot would install them: {', '.join(strangers)}",
-                hint="remove them (/file remove), or give them too, then run the same command again",
+                f"other packages are on the device, and its next reboot would install them: {', '.join(strangers)}",
+                hint="remove them (/file remove), or give their files too, then run the same command again",
             )
         return observation, plan(observation.software, self.packages, give_up=self.give_up)
 
@@ -103,7 +103,7 @@ class Upgrading:
                 sent_bytes += package.size
                 self._say(
                     events.Stage.APPLYING,
-                    f"kB sent, {package.path.name} is whole",
+                    f"kB sent, {package.path.name} is complete",
                     sent_bytes // 1000,
                     upgrade.size // 1000,
                 )
@@ -118,7 +118,7 @@ class Upgrading:
         there = await look(self.endpoint)
         missing = [package.path.name for package in upgrade.send if not there.holds(package)]
         if missing:
-            raise errors.DeviceError(f"the device does not take these files for packages: {', '.join(missing)}")
+            raise errors.DeviceError(f"the device does not recognise these files as packages: {', '.join(missing)}")
 
     def _upload(self, package: Npk, before: int, total: int) -> None:
         reported_bytes = before
@@ -152,7 +152,7 @@ class Upgrading:
         began = clock()
         patient_s = self.waiting.connect_s
         endpoint = replace(self.endpoint, connect_timeout_s=patient_s, reply_timeout_s=patient_s)
-        why = "it did not answer"
+        why = "no response"
         while (gone_s := clock() - began) < self.waiting.until_s:
             words = f"for the device to come back: {gone_s:.0f} s of at most {self.waiting.until_s:.0f} s"
             self._say(events.Stage.WAITING, words)
@@ -164,10 +164,10 @@ class Upgrading:
                 continue
             if observation.uptime_s <= clock() - before + REBOOTED_WITHIN_S:
                 return observation
-            why = "it answers, but it has not rebooted"
+            why = "it responds, but it has not rebooted"
         raise errors.OutcomeUnknown(
-            f"{self.name} was told to reboot and is not back after {self.waiting.until_s:.0f} s: {why}",
-            hint="is it powered? Look at its lights or its serial line, then run the same command again",
+            f"{self.name} did not come back within {self.waiting.until_s:.0f} s after the reboot command: {why}",
+            hint="does it have power? Check its lights or its serial console, then run the same command again",
         )
 
     async def _verify(self, back: SeenPackages, upgrade: Upgrade) -> None:
@@ -183,7 +183,7 @@ class Upgrading:
         missing = f", without {', '.join(wrong)}" if wrong else ""
         raise errors.DeviceError(
             f"{self.name} rebooted and runs RouterOS {back.software.version}{missing}{log_words}",
-            hint="are the files whole and from MikroTik, for this very board?",
+            hint="are the files complete, from MikroTik, and for this board?",
         )
 
     def _say(self, stage: events.Stage, message: str, amount: int = 0, total: int = 0, limit_s: float = 0.0) -> None:
@@ -280,7 +280,7 @@ class PreparedUpgrade:
         """
         if not isinstance(host.device, Router):
             raise errors.NoMatchError(
-                f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded"
+                f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers can be upgraded"
             )
         packages = tuple(read_npk(path) for path in files)
         require_consent(inventory, [host], request.model_copy(update={"mode": RequestMode.PLAN}))
@@ -337,7 +337,7 @@ class PreparedUpgrade:
             self.job.name,
             apply.Status.UNCHANGED,
             errors.ExitCode.DONE,
-            f"already so: RouterOS {version}",
+            f"unchanged: RouterOS {version}",
             before=version,
             after=version,
             packages=self.upgrade.expected_packages,
@@ -367,7 +367,7 @@ class PreparedUpgrade:
             self.job.name,
             apply.Status.CHANGED,
             errors.ExitCode.DONE,
-            f"RouterOS {before} -> {after}, read back: {', '.join(self.upgrade.expected_packages)}",
+            f"RouterOS {before} -> {after}, verified: {', '.join(self.upgrade.expected_packages)}",
             None,
             before,
             after,
@@ -397,13 +397,13 @@ def _cost(upgrade: Upgrade, site_link: LinkMetrics, link: MeteredLink) -> Previe
 def _configuration(result: apply.DeviceResult, site: str) -> str:
     """Return a text on the configuration under the new version."""
     if result.exit is errors.ExitCode.DONE:
-        return "the configuration is as declared"
+        return "the configuration matches the inventory"
     if result.exit is errors.ExitCode.CHANGES:
         return (
-            f"{result.planned_count} changes to the declared configuration: look at them with "
-            f"`provision plan site={site} device={result.name}`"
+            f"{result.planned_count} changes to match the inventory: review with `provision plan site={site} "
+            f"device={result.name}`"
         )
-    return f"the configuration could not be compared: {result.message}"
+    return f"cannot compare the configuration: {result.message}"
 
 
 REBOOTED_WITHIN_S = 5.0
@@ -492,7 +492,7 @@ def _packages(reply: api.Reply) -> list[RouterOsPackage]:
 def _version(text: str) -> Version:
     result = _parse_version_or_none(text)
     if result is None:
-        raise errors.DeviceError(f"this is no RouterOS that we know: it names a version `{text}`")
+        raise errors.DeviceError(f"unknown RouterOS version `{text}`")
     return result
 
 

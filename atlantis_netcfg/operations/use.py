@@ -30,7 +30,7 @@ _SPAN = re.compile(r"(?:(\d+)h)?(?:(\d+)m)?")
 _BITS = 8
 PROOF_S: Final = 3600
 """Validity of a proof in seconds, by our own judgement: no source says how long a satellite link stays the same."""
-_UNPROVED_HINT = "add `--unproved` if you know that it works, or want to find out"
+_UNPROVED_HINT = "add `--unproved` to use the link without proof that it works"
 
 
 class LinkNotFit(errors.DeviceError):
@@ -44,9 +44,9 @@ class NothingInUse(errors.NoMatchError):
 def span_s(text: str) -> int:
     """Parse `for=` to seconds; raise UsageError."""
     match = _SPAN.fullmatch(text)
-    hint = "type minutes or hours, from 1 minute to 24 hours: `for=30m`, `for=2h`, `for=1h30m`"
+    hint = "give minutes or hours, from 1 minute to 24 hours: `for=30m`, `for=2h`, `for=1h30m`"
     if not text or match is None:
-        raise errors.UsageError(f"`for={text}` is no time", hint=hint)
+        raise errors.UsageError(f"`for={text}` is not a duration", hint=hint)
     hours, minutes = (int(part or 0) for part in match.groups())
     seconds = 3600 * hours + 60 * minutes
     if not SHORTEST_S <= seconds <= LONGEST_S:
@@ -60,9 +60,9 @@ def router_of(inventory: Inventory, site: str) -> Host:
     """Return the router that selects among a site's links; raise UsageError if there is nothing to select."""
     if site not in inventory.sites:
         near = errors.nearest(site, inventory.sites)
-        choices = f"the sites are: {', '.join(inventory.sites)}"
+        choices = f"sites: {', '.join(inventory.sites)}"
         raise errors.UsageError(
-            f"`site={site}`: a link is put in use at one site",
+            f"`site={site}`: this command changes the link of one site",
             hint=f"did you mean `site={near}`? {choices}" if near else choices,
         )
     router = inventory.router_of(site)
@@ -70,8 +70,8 @@ def router_of(inventory: Inventory, site: str) -> Host:
     if router is None or len(links) < 2:  # noqa: PLR2004 - to choose among
         only = f"`{links[0].name}` is its only link" if links else "it has no links"
         raise errors.UsageError(
-            f"`{site}` has no links to choose among: {only}",
-            hint=f"declare a second link in group_vars/{site}.yml, in the order of preference",
+            f"`{site}` has no choice of links: {only}",
+            hint=f"add a second link in group_vars/{site}.yml, in order of preference",
         )
     return router
 
@@ -111,15 +111,15 @@ class UseRequest:
 
     def _uptime(self, status: LinksStatus) -> int:
         if status.uptime_s is None:
-            silent = "; ".join(item.message for item in status.unreachable) or "it does not say how long it has run"
+            silent = "; ".join(item.message for item in status.unreachable) or "it does not report its uptime"
             raise LinkNotFit(
-                f"the router of {self.site} was not read, so nothing was changed: {silent}",
+                f"the router of {self.site} could not be read, so nothing was changed: {silent}",
                 hint=_unread_hint(self.site, status),
             )
         if status.uptime_s < SETTLED_S:
             raise LinkNotFit(
-                f"the router of {self.site} was started {status.uptime_s:.0f} s ago and is still judging its links",
-                hint=f"type the same again in {SETTLED_S - status.uptime_s:.0f} s",
+                f"the router of {self.site} started {status.uptime_s:.0f} s ago and is still checking its links",
+                hint=f"run the same command again in {SETTLED_S - status.uptime_s:.0f} s",
             )
         return int(status.uptime_s)
 
@@ -130,19 +130,18 @@ class UseRequest:
         why = "; ".join(finding.message for finding in link_status.findings)
         if link_status.state in {LinkState.DOWN, LinkState.SEARCHING}:
             raise LinkNotFit(
-                f"{self.link.name} is down, so nothing was changed: {why or 'nobody answers'}", hint=_UNPROVED_HINT
+                f"{self.link.name} is down, so nothing was changed: {why or 'no response'}", hint=_UNPROVED_HINT
             )
         if is_proved:
             return
-        hint = f"give it two `canaries:` in group_vars/{self.site}.yml, which are asked then; or {_UNPROVED_HINT}"
+        hint = f"set two `canaries:` (probe targets) for it in group_vars/{self.site}.yml; or {_UNPROVED_HINT}"
         if self.link.kind.traits.allow_list:
             hint = (
-                f"`provision measure satellite site={self.site} link={self.link.name} --try-all` tries the VPN over "
-                "it, which "
-                f"counts for an hour; or {_UNPROVED_HINT}"
+                f"`provision measure satellite site={self.site} link={self.link.name} --try-all` tests the VPN "
+                f"over it (valid for one hour); or {_UNPROVED_HINT}"
             )
         raise LinkNotFit(
-            f"whether {self.link.name} works is not proved, so nothing was changed: nobody asks over it",
+            f"there is no proof that {self.link.name} works, so nothing was changed: no probe runs over it",
             hint=hint,
         )
 
@@ -161,12 +160,12 @@ def ended_order(site: str, status: LinksStatus) -> LinkOrder:
     """Return the order that restores the inventory's link order; raise NothingInUse or LinkNotFit."""
     if status.uptime_s is None:
         raise LinkNotFit(
-            f"the router of {site} was not read, so nothing was changed",
+            f"the router of {site} could not be read, so nothing was changed",
             hint=_unread_hint(site, status),
         )
     if status.use is None:
         raise NothingInUse(
-            f"no link of {site} is in use instead of the declared order, so there is nothing to end",
+            f"no link of {site} overrides the order of the inventory, so there is nothing to end",
             hint=f"`provision links site={site}` shows which link carries the traffic",
         )
     return LinkOrder()

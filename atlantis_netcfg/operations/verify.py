@@ -43,7 +43,7 @@ _SECONDS = 20.0
 _WORDS = {
     events.Verdict.PASS: "holds",
     events.Verdict.FAIL: "DOES NOT HOLD",
-    events.Verdict.INCONCLUSIVE: "not known",
+    events.Verdict.INCONCLUSIVE: "unknown",
     events.Verdict.SKIP: "not shown",
 }
 _ASSUMPTIONS = {assumption.id: assumption for assumption in (*ASSUMPTIONS, *rutos.ASSUMPTIONS)}
@@ -121,7 +121,7 @@ class VerifiedDevice:
                     ]
         lines.append(f"  {self.round_trips} round trips, {self.bytes / 1000:.1f} kB")
         if self.file is not None:
-            lines.append(f"  to be sent back: {self.file}")
+            lines.append(f"  file to send back: {self.file}")
         return "\n".join(lines)
 
 
@@ -162,13 +162,13 @@ class Verifying:
             return self._result(rutos.judge(look))
         plain_endpoint = endpoint_of(self.host, get_managed_device(self.inventory, self.host).access, self.request)
         endpoint = replace(plain_endpoint, opening=self._traffic.append)
-        self._say(events.Stage.CONNECTING, "to be read, not changed")
+        self._say(events.Stage.CONNECTING, "read-only")
         answers = await verify.read(endpoint)
         if self.tries:
-            self._say(events.Stage.VERIFYING, "trying with scratch rows under safe mode")
+            self._say(events.Stage.VERIFYING, "testing with scratch rows in safe mode")
             answers = answers.with_findings(await verify.try_out(endpoint))
         if self.silence:
-            self._say(events.Stage.WAITING, "a session falls silent: the device notices within twelve minutes")
+            self._say(events.Stage.WAITING, "testing a silent session: the device should notice within twelve minutes")
             answers = answers.with_findings([await verify.fall_silent(endpoint)])
         return self._result(answers)
 

@@ -69,17 +69,17 @@ class PlanStep:
 def require_plan(steps: Sequence[PlanStep]) -> list[PlanStep]:
     """Return the steps sorted by index. Raises GoalRefusal if the plan is empty, too long or not valid."""
     if not steps:
-        raise GoalRefusal("the plan has no step")
+        raise GoalRefusal("the plan has no steps")
     if len(steps) > MOST_STEPS or sum(len(step.action) + len(step.data) for step in steps) > MOST_PLAN_CHARACTERS:
         raise GoalRefusal(f"the plan is too long: at most {MOST_STEPS} steps and {MOST_PLAN_CHARACTERS} characters")
     order = sorted(steps, key=lambda step: step.index)
     if [step.index for step in order] != list(range(len(order))):
-        raise GoalRefusal("the indices of its steps do not count from 0")
+        raise GoalRefusal("the step indices do not count up from 0")
     for step in order:
         if not step.action:
             raise GoalRefusal(f"step {step.index} names no action")
         if not _is_json_object(step.data):
-            raise GoalRefusal(f"the data of step {step.index} is no JSON object")
+            raise GoalRefusal(f"the data of step {step.index} are not a JSON object")
     return order
 
 
@@ -134,7 +134,7 @@ class ActionServer:
         if identity == _NO_GOAL:
             raise GoalRefusal("its goal id is zero")
         if identity in self.goals:
-            raise GoalRefusal("there was a goal with this id")
+            raise GoalRefusal("this goal id was used before")
         if active and self.one_at_a_time:
             raise GoalRefusal("another plan is still running")
         if len(active) >= MOST_GOALS:

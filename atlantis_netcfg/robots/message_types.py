@@ -121,7 +121,7 @@ def _unknown(name: str) -> UsageError:
     package, sort, short = name.split("/")
     file = f"{short.partition('_')[0]}.action" if sort == "action" else f"{short}.msg"
     hint = f"put its file into robots/{INTERFACES}/{package}/{sort}/{file} of the inventory"
-    return UsageError(f"the type {name} is not known", hint=hint)
+    return UsageError(f"the type {name} is unknown", hint=hint)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -149,7 +149,7 @@ def _parts(path: Path, text: str) -> dict[str, str]:
         return {path.stem: text}
     parts = re.split(r"(?m)^---\s*$", text)
     if len(parts) != len(_ACTION_PARTS):
-        raise ValueError(f"an action has three parts with `---` between them, this one has {len(parts)}")
+        raise ValueError(f"an action has three parts separated by `---`; this one has {len(parts)}")
     texts = {f"{path.stem}_{words}": part for part, words in zip(parts, _ACTION_PARTS, strict=True)}
     action = "/".join((*path.parts[-3:-1], path.stem))
     return texts | {f"{path.stem}_{words}": _text(fields, action) for words, fields in _ACTION_MESSAGES.items()}

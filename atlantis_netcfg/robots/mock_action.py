@@ -136,7 +136,7 @@ class MockAction:
         )
         self._fill(message.feedback, "Feedback", "remaining", goal, range(completed_steps + 1, total))
         if not self._publisher.send(f"{self.name}/_action/feedback", message):
-            self.notices.append("feedback was lost: a reader of it does not keep up")
+            self.notices.append("feedback was lost: one of its readers is too slow")
 
     def _publish_states(self) -> None:
         message = self._types.empty(f"{_STATUS}Array")

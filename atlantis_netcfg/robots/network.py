@@ -56,13 +56,13 @@ def domain(number: int, configuration: str) -> Iterator[int]:
     try:
         from cyclonedds.core import DDSException  # noqa: PLC0415 - there is none for aarch64
     except ImportError as error:
-        hint = "PyPI has none for aarch64: use a laptop with an x86_64 processor"
+        hint = "PyPI has no package for aarch64: use a laptop with an x86_64 processor"
         raise UsageError("cyclonedds is not installed on this computer", hint=hint) from error
     try:
         participant = listener.open_domain(number, configuration)
     except DDSException as error:
-        hint = "is the address one of this computer's, and the interface up? `ip address` shows both"
-        raise UsageError(f"no participant of DDS can be made here: {error}", hint=hint) from error
+        hint = "check that the address belongs to this computer, and that the interface is up: `ip address` shows both"
+        raise UsageError(f"a DDS participant cannot be created here: {error}", hint=hint) from error
     try:
         yield number
     finally:

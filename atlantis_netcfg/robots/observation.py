@@ -28,7 +28,7 @@ _FEWEST: Final = 3
 """Minimum number of messages from which a rate is computed."""
 _TOLERANCE: Final = 1.1
 """Tolerance factor for measured rates compared with a guideline."""
-_CHECK_ITS_FILE: Final = "ask its partner for the file that it publishes, and check that: `provision robot validate`"
+_CHECK_ITS_FILE: Final = "ask its partner for the published file, and check it: `provision robot validate`"
 _MOST_FOREIGN: Final = 3
 """Maximum number of addresses in other domains that are reported for a missing robot."""
 _SURELY_FROZEN: Final = 10
@@ -182,16 +182,16 @@ def _missing_robot_report(source: RobotSource, observation: RobotObservation) ->
     name = source.robot.name if source.robot is not None else str(source.vehicle)
     declared_topics = {topic.name for topic in source.robot.topics()} if source.robot is not None else set()
     topic = next((writer.topic for writer in observation.writers if writer.topic in declared_topics), None)
-    message = f"nothing was heard of it in {observation.seconds:.0f} s"
-    hint = "is it switched on, in the network, and in the domain of `dds.domain`?"
+    message = f"nothing was received from it in {observation.seconds:.0f} s"
+    hint = "check that it is switched on, in the network, and in the domain of `dds.domain`"
     findings = [LinkFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)]
     if topic is not None:
-        message = f"somebody publishes {topic}, and no configuration of it was heard"
-        hint = "a robot that is registered stops publishing it: start its program again"
+        message = f"a robot publishes {topic}, but its configuration was not received"
+        hint = "a registered robot stops publishing it: restart its program"
         findings = [LinkFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)]
     for address, domains in list(observation.other_domains.items())[:_MOST_FOREIGN]:
-        message = f"{address} speaks in domain {', '.join(map(str, domains))}, which is not that of `dds.domain`"
-        hint = "if that is this robot: set its ROS_DOMAIN_ID as declared, and start its programs anew"
+        message = f"{address} uses domain {', '.join(map(str, domains))}, which is not that of `dds.domain`"
+        hint = "if that is this robot: set its ROS_DOMAIN_ID as in the inventory, and restart its programs"
         findings.append(LinkFinding(Verdict.INCONCLUSIVE, "other-domain", message, hint))
     return RobotReport(name, RobotState.MISSING, source.vehicle, tuple(findings))
 
@@ -202,8 +202,8 @@ def _unknown(name: str, sources_by_name: Mapping[str, RobotSource]) -> LinkFindi
     if near is not None:
         message = f"no robot of this inventory has the namespace `{name}`; did it mean `{near}`?"
     hint = (
-        f"if a person approves it: `provision robot invite name={vehicle_key(name)} partner=PARTNER kind=auv until=DAY "
-        f"site=… cells=wifi` with its own words, then `provision robot discover site=… save={name}`"
+        f"if a person approves it: `provision robot invite name={vehicle_key(name)} partner=PARTNER kind=auv "
+        f"until=DAY site=… cells=wifi` with its own values, then `provision robot discover site=… save={name}`"
     )
     return LinkFinding(Verdict.WARN, "robot-unknown", message, hint)
 
@@ -215,7 +215,7 @@ def vehicle_key(namespace: str) -> str:
 
 def _past_guest(vehicle: str, past: Mapping[str, str]) -> LinkFinding:
     message = f"it was a guest until {past[vehicle]}"
-    return LinkFinding(Verdict.WARN, "robot-unknown", message, f"`provision robot dismiss name={vehicle}` puts it out")
+    return LinkFinding(Verdict.WARN, "robot-unknown", message, f"`provision robot dismiss name={vehicle}` removes it")
 
 
 def _check_duplicates(
@@ -224,19 +224,19 @@ def _check_duplicates(
     keys = dict.fromkeys(configuration.writer.participant for configuration, _ in copies)
     if len(keys) > 1:
         where = " and ".join(observation.participants.get(key, "an unknown address") for key in keys)
-        message = f"{len(keys)} participants introduce themselves as `{name}`: {where}"
-        yield LinkFinding(Verdict.FAIL, "namespace-twice", message, "give each robot a namespace of its own")
+        message = f"{len(keys)} participants announce themselves as `{name}`: {where}"
+        yield LinkFinding(Verdict.FAIL, "namespace-twice", message, "give each robot its own namespace")
 
 
 def _check_configuration_rate(configuration: HeardConfiguration) -> Iterator[LinkFinding]:
     rate = configuration.writer.rate_hz
     low, high = _CONFIGURATION_HZ
     if rate is None:
-        message = f"its configuration was heard {configuration.writer.messages} times: too few to tell the rate"
-        yield LinkFinding(Verdict.INCONCLUSIVE, "configuration-rate-unknown", message, "listen longer: `for=60s`")
+        message = f"its configuration was received {configuration.writer.messages} times: too few to determine the rate"
+        yield LinkFinding(Verdict.INCONCLUSIVE, "configuration-rate-unknown", message, "listen for longer: `for=60s`")
     elif not low <= rate <= high:
-        message = f"its configuration comes at {rate:.2g} Hz, where the report has 1 Hz"
-        yield LinkFinding(Verdict.FAIL, "configuration-rate", message, "look at the program that publishes it")
+        message = f"its configuration comes at {rate:.2g} Hz; the report says 1 Hz"
+        yield LinkFinding(Verdict.FAIL, "configuration-rate", message, "check the program that publishes it")
 
 
 def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[LinkFinding]:
@@ -245,15 +245,15 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[LinkFin
     if file is None:
         return
     if source.token_is_sealed:
-        message = "its token, which is vaulted, was not compared"
+        message = "its token is encrypted in the vault, and was not compared"
         hint = "`provision robot discover site=… --ask-vault-pass` compares it"
         yield LinkFinding(Verdict.WARN, "token-sealed", message, hint)
     elif robot.token != file.token:
-        message = "its token is not the one of its file"
-        yield LinkFinding(Verdict.FAIL, "token", message, "ask its partner: another robot may use its name")
+        message = "its token differs from the one in its file"
+        yield LinkFinding(Verdict.FAIL, "token", message, "ask its partner: another robot may be using its name")
     token_update = {"token": file.token}
     if robot.model_copy(update=token_update) != file:
-        message = "its configuration is not the one of its file"
+        message = "its configuration differs from its file"
         yield LinkFinding(Verdict.FAIL, "configuration-differs", message, _CHECK_ITS_FILE)
 
 
@@ -264,11 +264,11 @@ def topic_findings(
     for topic in robot.topics():
         rows = [writer for writer in writers if writer.topic == topic.name]
         if not rows:
-            message = f"it does not publish {topic.name}, which its configuration names"
-            hint = "look at the program that publishes it"
+            message = f"it does not publish {topic.name}, which its configuration lists"
+            hint = "check the program that publishes it"
             yield topic, LinkFinding(Verdict.FAIL, "topic-missing", message, hint)
         elif observation.unread.get(topic.name) == topic.message_type:
-            message = f"the type of {topic.name} is not known here, so that nothing of it was counted"
+            message = f"the type of {topic.name} is unknown here, so its messages were not counted"
             hint = f"put {observation.unread[topic.name]} into robots/interfaces of the inventory"
             yield topic, LinkFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
         else:
@@ -284,23 +284,23 @@ def _check_silence(
     rates = [writer.rate_hz for writer in rows if writer.rate_hz]
     silence_s = max(writer.last_s for writer in writers) - max(writer.last_s for writer in rows)
     if rates and silence_s > max(_PAUSE_S, _PAUSE_PERIODS / min(rates)):
-        message = f"nothing more was heard on {topic.name} in the last {silence_s:.0f} s of the robot"
-        yield LinkFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
+        message = f"no message was received on {topic.name} in the last {silence_s:.0f} s of the robot"
+        yield LinkFinding(Verdict.FAIL, "topic-silent", message, "check the program that publishes it")
 
 
 def _check_topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[LinkFinding]:
     if writer.type != topic.message_type:
-        message = f"{topic.name} has the type {writer.type}, where its configuration means {topic.message_type}"
-        yield LinkFinding(Verdict.FAIL, "topic-type", message, "write `type:` at the topic, or correct the program")
+        message = f"{topic.name} has the type {writer.type}; its configuration says {topic.message_type}"
+        yield LinkFinding(Verdict.FAIL, "topic-type", message, "set `type:` of the topic, or correct the program")
         return
     rate = writer.rate_hz
     if not writer.messages:
-        message = f"nothing was heard on {topic.name} in {seconds:.0f} s, though it is published"
-        yield LinkFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
+        message = f"no message was received on {topic.name} in {seconds:.0f} s, although it is published"
+        yield LinkFinding(Verdict.FAIL, "topic-silent", message, "check the program that publishes it")
         return
     if rate is None and beside_guideline(topic.kind.data, 0.0) is not None:
-        message = f"{topic.name} was heard {writer.messages} times in {seconds:.0f} s: too few to tell its rate"
-        yield LinkFinding(Verdict.INCONCLUSIVE, "topic-rate-unknown", message, "listen longer: `for=60s`")
+        message = f"{topic.name} was received {writer.messages} times in {seconds:.0f} s: too few to determine its rate"
+        yield LinkFinding(Verdict.INCONCLUSIVE, "topic-rate-unknown", message, "listen for longer: `for=60s`")
     if rate is not None:
         way, guideline = beside_guideline(topic.kind.data, rate) or ("", "")
         is_near = beside_guideline(topic.kind.data, rate / _TOLERANCE if way == "above" else rate * _TOLERANCE) is None
@@ -310,13 +310,13 @@ def _check_topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> 
                 message = f"{topic.name} comes at {rate:.2g} Hz, above the report's guideline"
             yield LinkFinding(Verdict.WARN, f"topic-rate-{way}", message, f"{guideline} (report, 3.3.3)")
     if topic.kind.moves and writer.messages < _FEWEST and len(writer.contents) == 1:
-        message = f"{topic.name} was heard {writer.messages} times: too few to tell whether it changes"
-        yield LinkFinding(Verdict.INCONCLUSIVE, "topic-frozen", message, "listen longer: `for=60s`")
+        message = f"{topic.name} was received {writer.messages} times: too few to tell whether it changes"
+        yield LinkFinding(Verdict.INCONCLUSIVE, "topic-frozen", message, "listen for longer: `for=60s`")
     elif topic.kind.moves and len(writer.contents) == 1:
         # A receiver on the quay may give one position a few times; ten in a row is nobody's navigation.
         verdict = Verdict.FAIL if writer.messages >= _SURELY_FROZEN else Verdict.WARN
-        message = f"{topic.name} says the same in all of {writer.messages} messages"
-        hint = "a robot on the water never keeps quite still: is its navigation running?"
+        message = f"{topic.name} has the same value in all {writer.messages} messages"
+        hint = "a robot on the water is never completely still: check that its navigation is running"
         yield LinkFinding(verdict, "topic-frozen", message, hint)
     if writer.stamp_age_s is not None and abs(writer.stamp_age_s) > _STALE_S:
         message = f"the stamps of {topic.name} are {abs(writer.stamp_age_s):.0f} s away from the listener's clock"

@@ -37,7 +37,7 @@ class BagRecorder:
     def __init__(self, folder: Path, types: MessageTypes, most: int = LARGEST_BAG, free: int = _FREE) -> None:
         """Nothing is created yet. Raises UsageError if the folder already exists."""
         if folder.exists() or folder.is_symlink():
-            raise UsageError(f"there is something at {shown_path(folder)} already", hint="name a folder that is new")
+            raise UsageError(f"{shown_path(folder)} already exists", hint="choose a new folder")
         self.folder = folder
         self.messages = self.octets = 0
         self.reason = ""
@@ -58,8 +58,8 @@ class BagRecorder:
             bag.open()
             self.folder.chmod(0o700)
         except OSError as error:
-            message = f"{shown_path(self.folder)} cannot be made: {error.strerror}"
-            raise UsageError(message, hint="name a folder that you may write to") from error
+            message = f"cannot create {shown_path(self.folder)}: {error.strerror}"
+            raise UsageError(message, hint="choose a folder that you can write to") from error
         self._bag = bag
         return self
 
@@ -77,7 +77,7 @@ class BagRecorder:
             self._bag.close()
         except (OSError, Error) as problem:
             self.messages = self.octets = 0
-            self.reason = f"it could not be finished: {problem}"
+            self.reason = f"it could not be completed: {problem}"
 
     def add(self, writer: HeardWriter, data: bytes) -> None:
         """Write a message that has just come."""

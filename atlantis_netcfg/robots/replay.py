@@ -33,7 +33,7 @@ _MEET_S: Final = 2.0
 _MOST_TOPICS: Final = 2000
 MOST_ROBOTS: Final = 15
 """Maximum number of robots in a bag: each is a separate participant on this computer."""
-_ANOTHER: Final = "ask who recorded it for another one; `ros2 bag info` says what is in it"
+_ANOTHER: Final = "ask whoever recorded it for another one; `ros2 bag info` shows its contents"
 _PADDING: Final = 3
 """Maximum padding bytes after a message: writers fill it to a multiple of 4."""
 
@@ -97,7 +97,7 @@ def read_bag(folder: Path, types: MessageTypes, names: KeyNames) -> Bag:
         if len(set(bag.robots.values())) > MOST_ROBOTS:
             raise UsageError(f"{shown_path(folder)} has more than {MOST_ROBOTS} robots", hint=_ANOTHER)
     if not bag.topics:
-        raise UsageError(f"{shown_path(folder)} holds no message whose type is known here", hint=_ANOTHER)
+        raise UsageError(f"{shown_path(folder)} contains no message of a known type", hint=_ANOTHER)
     return bag
 
 
@@ -113,11 +113,12 @@ def _files(folder: Path) -> tuple[Path, ...]:
     """Return the files of a bag, in the order of their first messages. Raises UsageError."""
     files = sorted(folder.glob("*.db3")) if folder.is_dir() else [folder]
     if not files or any(not each.is_file() or each.suffix != ".db3" for each in files):
-        hint = "name a folder with a bag of rosbag2 that is stored as sqlite3 and not compressed: its files end in .db3"
-        raise UsageError(f"{shown_path(folder)} is no bag that can be read here", hint=hint)
+        hint = "choose a folder with a rosbag2 bag stored as uncompressed sqlite3: its files end in .db3"
+        raise UsageError(f"{shown_path(folder)} is not a readable bag", hint=hint)
     if (size := sum(each.stat().st_size for each in files)) > LARGEST_BAG:
         raise UsageError(
-            f"{shown_path(folder)} has {size / 1e6:.0f} MB, and {LARGEST_BAG / 1e6:g} are the most", hint=_ANOTHER
+            f"{shown_path(folder)} has {size / 1000000.0:.0f} MB; the limit is {LARGEST_BAG / 1000000.0:g}",
+            hint=_ANOTHER,
         )
     firsts = {each: next((message.time_ns for message in _messages([each])), 0) for each in files}
     return tuple(sorted(files, key=firsts.__getitem__))
@@ -160,7 +161,7 @@ def sample_of(message: BagMessage, types: MessageTypes) -> Any:  # noqa: ANN401 
 
 
 def _type_mismatch_error(message: BagMessage) -> UsageError:
-    what = f"a message of {message.topic.name} is not of the type {message.topic.type} as it is known here"
+    what = f"a message of {message.topic.name} does not match the type {message.topic.type} as known here"
     hint = f"compare robots/{INTERFACES}/{message.topic.type}.msg of the inventory with the robot's own"
     return UsageError(what, hint=hint)
 

@@ -49,9 +49,8 @@ class Facts:
     def upgrade(self, to: Version) -> str:
         """Return the hint for a device whose version is below `to`."""
         return (
-            f"put RouterOS {to} or later on it: `provision device upgrade site=… device=… packages=FILE.npk`, where "
-            "FILE.npk "
-            f"is MikroTik's package for {self.architecture}"
+            f"install RouterOS {to} or later on it: `provision device upgrade site=… device=… packages=FILE.npk`, "
+            f"where FILE.npk is MikroTik's package for {self.architecture}"
         )
 
 
@@ -194,7 +193,7 @@ class Plan:
         if self.foreign_rows <= FEW_FOREIGN:
             return ""
         parts = ", ".join(f"{number} from {title}" for title, number in self.foreign)
-        return f"removes {self.foreign_rows} rows that carry no mark of ours: {parts}"
+        return f"removes {self.foreign_rows} rows that do not carry our mark: {parts}"
 
     @property
     def weight(self) -> int:

@@ -85,7 +85,7 @@ def _parse_directives(text: str, source: str, mistakes: list[str], directives: _
                 remarks.append((_menu_named(title).path, remark))
             else:
                 directive_names = (_ENTIRE, _UNDECLARED_ROWS, _RUN_TIME, _NOTE)
-                raise Mistake(f"`atlantis:{word}` is no directive{near(word, directive_names)}")  # noqa: TRY301
+                raise Mistake(f"unknown directive `atlantis:{word}`{near(word, directive_names)}")  # noqa: TRY301
         except Mistake as mistake:
             line = text.count("\n", 0, match.start()) + 1
             mistakes.append(f"{source}, line {line}: {mistake}")
@@ -113,7 +113,7 @@ def _value_in_menu(argument: str) -> tuple[str, str, str]:
     title, name, value = match.groups()
     menu = _menu_named(title)
     if menu.shape is not Shape.FIXED or menu.readonly:
-        raise Mistake(f"{menu.title} has no rows that are there whether or not they are declared")
+        raise Mistake(f"{menu.title} has no fixed rows")
     if name not in menu.by_name or name in menu.keys:
         raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
     return menu.path, name, value
@@ -122,7 +122,7 @@ def _value_in_menu(argument: str) -> tuple[str, str, str]:
 def _entire_menu(argument: str) -> str:
     menu = _menu_named(argument)
     if menu.shape is not Shape.LIST or menu.readonly:
-        raise Mistake(f"{menu.title} cannot be ours entirely, because nobody can add rows to it")
+        raise Mistake(f"{menu.title} cannot be managed entirely, because nobody can add rows to it")
     return menu.path
 
 
@@ -133,7 +133,7 @@ def _once(item: RowItem, first: dict[tuple[str, tuple[str, ...]], int]) -> None:
     line = first.setdefault((item.menu, item.identity), item.line)
     if line != item.line:
         name = MENUS[item.menu].name_of(item.defined_values)
-        raise Mistake(f"{name} is declared a second time; the first is on line {line}")
+        raise Mistake(f"{name} is defined a second time; the first is on line {line}")
 
 
 def from_export(text: str, only: Iterable[str], source: str = "export") -> DesiredState:
@@ -146,9 +146,7 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
     """
     menus = [known_menu(path) for path in dict.fromkeys(only)]
     restorable_menus = [menu for menu in menus if menu.is_exported and not menu.readonly]
-    notes = [
-        f"{menu.title} is not part of an export: it stays as it is" for menu in menus if menu not in restorable_menus
-    ]
+    notes = [f"{menu.title} is not part of an export: left unchanged" for menu in menus if menu not in restorable_menus]
     items: dict[str, list[RowItem]] = {menu.path: [] for menu in restorable_menus}
     gaps: dict[str, None] = {}
     for statement in parse(text, source).statements:
@@ -158,7 +156,7 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
             items[menu.path] += restored_items
             if not restored_items and _is_a_row(menu, statement):
                 gaps[menu.path] = None
-    notes += [f"{MENUS[path].title}: for that reason, rows that are not in the export stay there" for path in gaps]
+    notes += [f"{MENUS[path].title}: for that reason, rows that are not in the export are kept" for path in gaps]
     return DesiredState(
         source,
         {menu: tuple(rows) for menu, rows in items.items()},
@@ -171,7 +169,7 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
 def _restore_item(menu: Menu, statement: Statement, source: str, notes: list[str]) -> Sequence[RowItem]:
     """Return the statement's row, or nothing and a note on why it cannot be restored."""
     foreign = [name for name, _ in statement.values if name not in menu.by_name]
-    notes += [f"{source}, line {statement.line}: `{name}` of {menu.title} stays as it is" for name in foreign]
+    notes += [f"{source}, line {statement.line}: `{name}` of {menu.title} is left unchanged" for name in foreign]
     try:
         item = item_of(_normalize(menu, statement))
     except Mistake as mistake:

@@ -332,7 +332,7 @@ def _adds(menu: Menu, values: Mapping[str, str], command: str) -> bool:
 
 
 _NO_HISTORY = DriftHistory()
-_UNREAD = "only their number was read; `--plan --remove-foreign` shows all of them"
+_UNREAD = "only their number was read; `--plan --remove-foreign` lists them"
 _NEVER = "no run has confirmed a state of this device"
 
 
@@ -374,7 +374,7 @@ def _menu_differences(view: _RowView, plan: _types.Plan) -> Iterator[Difference]
     read = [raw for raw in raws if raw.actual_row is None or view.menu.is_ordered or not _types.is_bare(raw.actual_row)]
     yield from (_build_difference(view, raw) for raw in read)
     if unread := len(raws) - len(read):
-        subject = f"{unread} rows more"
+        subject = f"{unread} more rows"
         yield Difference(view.menu.title, subject, DriftKind.ADDED, Owner.TECHNICIAN, why_unknown=_UNREAD)
     for secret in plan.hidden_secrets:
         if secret.menu == path:
@@ -455,7 +455,7 @@ def _same_chain(menu: Menu, row: Mapping[str, str], other: Mapping[str, str]) ->
 
 
 _Verdict = tuple[Since, str]
-_NO_SECRETS = (Since.UNKNOWN, "a confirmed state holds no secrets")
+_NO_SECRETS = (Since.UNKNOWN, "a confirmed state contains no secrets")
 
 
 @dataclass(frozen=True, slots=True)
@@ -533,7 +533,7 @@ def _date_change(menu: Menu, raw: Raw, then: Mapping[str, str]) -> _Verdict:
         return _NO_SECRETS
     names = [name for name in names if (menu.path, name) not in snapshot.OF_THE_BOX]
     if not names:
-        return Since.UNKNOWN, "a confirmed state leaves out what a device gives itself"
+        return Since.UNKNOWN, "a confirmed state omits the values that a device sets itself"
     actual_row = raw.actual_row or {}
     same = all(menu.form(name, actual_row) == menu.form(name, then) for name in names)
     return (Since.ALREADY if same else Since.AFTER), ""

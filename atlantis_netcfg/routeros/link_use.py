@@ -69,8 +69,8 @@ class LinkUse:
         remaining_s = self.left_s(uptime_s)
         more = "" if remaining_s is None else f" ({_minutes(remaining_s)} left)"
         return (
-            f"{self.link} is in use instead of the declared order until {self.until:{_STAMP}} UTC{more}, by "
-            "`provision links use`: then, or when the router is started anew, the router puts its order back by itself"
+            f"{self.link} is in use instead of the inventory's order until {self.until:{_STAMP}} UTC{more}, set "
+            "by `provision links use`: after that time, or after a restart, the router restores the order by itself"
         )
 
 

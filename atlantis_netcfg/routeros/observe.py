@@ -199,7 +199,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
         names = ", ".join(MENUS[path].title for path in missing)
         raise MenuMissing(
             f"this device (RouterOS {version}) does not have {names}",
-            hint="upgrade RouterOS or install the package that brings it, or take these rows out of the template",
+            hint="upgrade RouterOS, install the package that provides it, or remove these rows from the template",
         )
     present_rows = {path: there for path, there in rows.items() if there is not None}
     present_rows |= await _others(
@@ -379,9 +379,9 @@ def _configuration_rows(path: str, reply: api.Reply) -> tuple[_types.Row, ...]:
         return reply.rows
     if menu.shape is Shape.SINGLETON and len(reply.rows) > 1:
         raise DeviceError(
-            f"{menu.title}: settings are one row, and the device answers with {len(reply.rows)}, of which nobody knows "
-            "which holds",
-            hint=f"look at them on the device:  {menu.title} print",
+            f"{menu.title}: settings are a single row, but the device returned {len(reply.rows)}; it is unknown "
+            "which one applies",
+            hint=f"check them on the device:  {menu.title} print",
         )
     names = (".id", *_properties(menu)) if menu.path in WHOLE else _properties(menu)
     return tuple({name: row[name] for name in names if name in row} for row in reply.rows)
@@ -400,7 +400,7 @@ def _version(resource: api.Reply) -> Version:
     try:
         return Version.parse(text)
     except ValueError:
-        raise DeviceError(f"this is no RouterOS that we know: it calls its version `{text}`") from None
+        raise DeviceError(f"unknown RouterOS version: `{text}`") from None
 
 
 def _facts(

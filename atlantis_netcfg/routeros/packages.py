@@ -73,7 +73,7 @@ def read_npk(path: Path) -> Npk:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise NotAPackage(f"{path}: {error.strerror or error}", hint="name a `.npk` file from MikroTik") from error
+        raise NotAPackage(f"{path}: {error.strerror or error}", hint="use a `.npk` file from MikroTik") from error
     header, architecture = _inside(path, data)
     file_name = _parsed_name(path)
     name = MAIN if header[0] in ("system", MAIN) or header[0].startswith(f"{MAIN}-") else header[0]
@@ -97,7 +97,8 @@ def _parsed_name(path: Path) -> _FileName:
     match = _NAME.fullmatch(path.name)
     if match is None or not _is_version(match["version"]):
         raise NotAPackage(
-            f"{path}: not the name of a package", hint="keep MikroTik's own names, like routeros-7.18.2-arm64.npk"
+            f"{path}: not a valid package name",
+            hint="keep MikroTik's own file names, for example routeros-7.18.2-arm64.npk",
         )
     name, first, last = match["name"], match["first"], match["last"]
     if first is not None and (last is not None or _architecture_of(first) is None):
@@ -136,12 +137,12 @@ def _inside(path: Path, data: bytes) -> tuple[tuple[str, tuple[int, int, int]], 
 
 def _parts(path: Path, data: bytes) -> Iterator[tuple[int, bytes]]:
     if len(data) < _HEAD.size or data[:4] != _MAGIC:
-        raise NotAPackage(f"{path}: not a RouterOS package", hint="name a `.npk` file from MikroTik")
+        raise NotAPackage(f"{path}: not a RouterOS package", hint="use a `.npk` file from MikroTik")
     _magic, rest = _HEAD.unpack_from(data)
     if rest != len(data) - _HEAD.size:
         raise NotAPackage(
-            f"{path}: {len(data)} bytes long, but it says {rest + _HEAD.size}",
-            hint="download it again: it is cut short",
+            f"{path}: {len(data)} bytes long, but its header says {rest + _HEAD.size}",
+            hint="download it again: it is truncated",
         )
     at = _HEAD.size
     for _ in range(_MOST_PARTS):
@@ -155,13 +156,13 @@ def _parts(path: Path, data: bytes) -> Iterator[tuple[int, bytes]]:
             break
         yield kind, data[at : at + size]
         at += size
-    raise NotAPackage(f"{path}: its parts do not add up to its size", hint="download it again: it is damaged")
+    raise NotAPackage(f"{path}: the sizes of its parts do not match its size", hint="download it again: it is damaged")
 
 
 def _require_match(path: Path, what: str, from_name: str, inside: str) -> None:
     if from_name != inside:
         raise NotAPackage(
-            f"{path}: by its name the {what} is {from_name}, inside it is {inside}",
+            f"{path}: according to its name the {what} is {from_name}, but inside it is {inside}",
             hint="keep MikroTik's own file names",
         )
 
@@ -271,7 +272,7 @@ def _package_set_reasons(packages: Sequence[Npk]) -> list[str]:
     names = [package.name for package in packages]
     twice = sorted({name for name in names if names.count(name) > 1})
     if not packages:
-        reasons.append("no package was given")
+        reasons.append("no package given")
     if twice:
         reasons.append(f"{', '.join(twice)} is given twice")
     versions = sorted({package.version for package in packages})
@@ -279,7 +280,7 @@ def _package_set_reasons(packages: Sequence[Npk]) -> list[str]:
         files = ", ".join(f"{package.path.name}" for package in packages)
         reasons.append(f"packages of different versions do not work together: {files}")
     if _LEGACY_RADIO in names and (other := sorted(set(names) & {"wifi-qcom", "wifi-qcom-ac"})):
-        reasons.append(f"{_LEGACY_RADIO} and {other[0]} cannot be active together: give one of them")
+        reasons.append(f"{_LEGACY_RADIO} and {other[0]} cannot be active together: pass only one of them")
     return reasons
 
 
@@ -291,7 +292,7 @@ def _device_reasons(system: InstalledSystem, packages: Sequence[Npk], version: V
         if package.architecture != architecture
     ]
     if version < system.version:
-        reasons.append(f"the device has {system.version}, and this command does not go back to {version}")
+        reasons.append(f"the device has {system.version}; this command does not downgrade to {version}")
     if system.factory is not None and version < system.factory:
         reasons.append(f"this board needs {system.factory} or later")
     if version != system.version and not any(package.name == MAIN for package in packages):
@@ -301,7 +302,8 @@ def _device_reasons(system: InstalledSystem, packages: Sequence[Npk], version: V
         )
     if version.major > system.version.major and not system.bundle:
         reasons.append(
-            f"on this device RouterOS {system.version.major} is made of single packages: upgrade it to the bundle first"
+            f"RouterOS {system.version.major} on this device consists of single packages: upgrade it to the bundle "
+            "first"
         )
     return reasons
 
@@ -319,16 +321,16 @@ def _left_behind(
         if not heirs or names & set(heirs) or package.name in give_up:
             continue
         reasons.append(
-            f"{package.name} is installed, and the set has no {' or '.join(heirs)} of {version}"
-            f" (add it, or give it up with drop={package.name})"
+            f"{package.name} is installed, but the new packages have no {' or '.join(heirs)} of {version} (add it, "
+            f"or do without it with drop={package.name})"
         )
     crossing = system.version < SPLIT <= version
     drivers = {_LEGACY_RADIO, *_NEW_RADIO}
     loses_driver = crossing and system.radios and not names & drivers and _LEGACY_RADIO not in give_up
     if loses_driver and not any(package.name == "wifiwave2" for package in system.packages):
         reasons.append(
-            f"from {SPLIT} on the driver of {', '.join(system.radios)} is a package of its own: add"
-            f" wireless-{version}-{system.architecture}.npk (or drop={_LEGACY_RADIO}, and lose the radio)"
+            f"from {SPLIT} on the driver of {', '.join(system.radios)} is a separate package: add "
+            f"wireless-{version}-{system.architecture}.npk (or drop={_LEGACY_RADIO}, and lose the radio)"
         )
     return reasons
 
@@ -346,15 +348,15 @@ def _space_reasons(system: InstalledSystem, packages: Sequence[Npk]) -> list[str
     need = sum(package.size for package in packages) + _SPARE_BYTES
     if system.free_bytes >= need:
         return []
-    return [f"the device has {system.free_bytes // 1024} KiB free, and {need // 1024} KiB are needed"]
+    return [f"the device has {system.free_bytes // 1024} KiB free, but {need // 1024} KiB are needed"]
 
 
 def _notes(system: InstalledSystem, version: Version) -> list[str]:
-    notes = ["the device reboots; everything that it feeds by PoE and every link over it is down meanwhile"]
+    notes = ["the device reboots; meanwhile everything that it powers by PoE and every link over it is down"]
     if version.major > system.version.major:
         notes.append(
             f"from RouterOS {system.version.major} to {version.major} the device rewrites its configuration:"
             " compare the saved export with the new one"
         )
-    notes.append("the boot loader is not upgraded: /system/routerboard/upgrade does it, and wants another reboot")
+    notes.append("the boot loader is not upgraded: /system/routerboard/upgrade does that, and needs another reboot")
     return notes

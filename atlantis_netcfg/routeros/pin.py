@@ -93,13 +93,16 @@ def objection(sim: PinSim, current: str, declared_pin: str, pin_refusal: str) ->
     if sim is PinSim.PUK:
         return "the SIM is locked after too many wrong PINs and asks for its PUK: unlock it in a telephone"
     if sim is PinSim.WRONG_PIN:
-        return "the SIM has refused the PIN, which is not tried again: compare it with the SIM's letter"
+        return "the SIM refused the PIN; it will not be tried again: compare it with the letter of the SIM"
     if pin_refusal:
         return pin_refusal
     if current == declared_pin:
-        return "the device holds the declared PIN, and the SIM still asks for one: it is wrong, and not tried again"
+        return (
+            "the device has the inventory's PIN, and the SIM still asks for one: the PIN is wrong and is not "
+            "tried again"
+        )
     if current:
-        return "the device holds another PIN, which the SIM has not taken: take it out by hand before one more is tried"
+        return "the device has another PIN, which the SIM did not accept: remove it by hand before another one is tried"
     return None
 
 

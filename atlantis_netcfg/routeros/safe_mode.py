@@ -70,8 +70,8 @@ class Holder:
 def holder_error(who: str) -> SafeModeUnavailable:
     """Return the error that somebody else already holds safe mode."""
     return SafeModeUnavailable(
-        f"{who} holds safe mode, and there is only one",
-        hint="let them release or unroll it, then run the same command again",
+        f"{who} holds safe mode, which only one session can hold",
+        hint="let them release or undo it, then run the same command again",
     )
 
 
@@ -79,7 +79,7 @@ def _take_failed(take: Reply, holder: Holder) -> SafeModeUnavailable:
     """Return the error with the reason why safe mode could not be taken."""
     if holder.is_taken and not holder.ours:
         return holder_error(holder.who)
-    words = take.trap.message if take.trap is not None else "it says it is not taken"
+    words = take.trap.message if take.trap is not None else "the device reports that it is not taken"
     failure = SafeModeUnavailable(f"safe mode could not be taken: {words}")
     failure.reason = words
     return failure

@@ -98,7 +98,7 @@ def forbidden(facts: Facts) -> str | None:
     """Return why the scheduler would not run a job, or None. No restrictions exist before 7.17 (Device-mode)."""
     mode = facts.device_mode
     if mode.get("flagged") in _TRUE:
-        return "the device is flagged, and refuses new jobs"
+        return "the device is flagged and refuses new jobs"
     return f"device-mode {mode.get('mode', '')} forbids the scheduler" if mode.get("scheduler") in _FALSE else None
 
 
@@ -133,7 +133,7 @@ async def _moment(session: Channel, after_s: float) -> datetime:
     try:
         now = datetime.strptime(f"{row['date']} {row['time']}", "%Y-%m-%d %H:%M:%S")  # noqa: DTZ007 - its own zone
     except (KeyError, ValueError):
-        raise DeviceError(f"its clock says {row.get('date')} {row.get('time')}, which is no time") from None
+        raise DeviceError(f"its clock shows {row.get('date')} {row.get('time')}, which is not a valid time") from None
     return now + timedelta(seconds=after_s)
 
 
@@ -144,7 +144,7 @@ async def _arm(session: Channel, name: str, owner: str, values: Mapping[str, str
     if reply.trap is not None:
         if rows:
             raise JobConflict(
-                f"{jobs_of(rows)[0].owner} has armed one already",
+                f"{jobs_of(rows)[0].owner} has already armed one",
                 hint="wait until it has ended, then run the same command again",
             )
         raise WillNotRun(f"the device says: {reply.trap.message}")
@@ -158,7 +158,7 @@ async def _arm(session: Channel, name: str, owner: str, values: Mapping[str, str
 def _idle(rows: Sequence[Row]) -> str | None:
     """Return why the device will not run the job that was read back; None if it will."""
     if not rows:
-        return "it is not there"
+        return "it does not exist"
     about = rows[0].get(".about", "")
     if about.startswith("inactiv"):
         return about
@@ -174,7 +174,7 @@ async def disarm(session: Channel, job: str, witness: Sequence[Command] = ()) ->
     if _is_there(job, jobs_reply):
         jobs_reply = await session.command(READ_JOBS)
     if _is_there(job, jobs_reply):
-        raise WillNotRun("the job of its scheduler cannot be taken away")
+        raise WillNotRun("the scheduler job cannot be removed")
     return removal.trap is None, witness_replies
 
 

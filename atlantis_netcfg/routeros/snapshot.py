@@ -43,7 +43,7 @@ def write(device: str, desired_state: DesiredState, observation: Observation) ->
         for statement in _statement(menu, row, declared_names, used)
     ]
     header = (
-        f"confirmed state of {device}: the declared menus as they were read back, without secrets",
+        f"confirmed state of {device}: the inventory's menus as they were read back, without secrets",
         f"by RouterOS {facts.version}",
         f"model = {facts.board}",
     )

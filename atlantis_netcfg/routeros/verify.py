@@ -101,8 +101,8 @@ def _judge_unknown_property(replies: Sequence[api.Reply]) -> Judgement:
     if words is not None:
         return Verdict.FAIL, words
     if len(reply.rows) == 1 and "name" in reply.rows[0] and "atlantis-unknown" not in reply.rows[0]:
-        return Verdict.PASS, "left out, and the known property answered"
-    return Verdict.FAIL, f"{len(reply.rows)} rows, not one with the known property alone"
+        return Verdict.PASS, "ignored; the known property was returned"
+    return Verdict.FAIL, f"{len(reply.rows)} rows, none with only the known property"
 
 
 def _judge_count(replies: Sequence[api.Reply]) -> Judgement:
@@ -134,7 +134,7 @@ def _judge_sessions(replies: Sequence[api.Reply]) -> Judgement:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
     order = _order(reply.rows, "when")
     if order is None:
-        return Verdict.INCONCLUSIVE, f"{len(reply.rows)} sessions, in no order that can be seen"
+        return Verdict.INCONCLUSIVE, f"{len(reply.rows)} sessions, in no visible order"
     return order, f"{len(reply.rows)} sessions, {'oldest' if order is Verdict.PASS else 'newest'} first"
 
 
@@ -143,10 +143,13 @@ def _judge_history_order(replies: Sequence[api.Reply]) -> Judgement:
     if reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
     if len(reply.rows) < 2:  # noqa: PLR2004 - an order needs two
-        return Verdict.SKIP, f"{len(reply.rows)} entries in the history: change something, then type the same again"
+        return (
+            Verdict.SKIP,
+            f"{len(reply.rows)} entries in the history: change something, then run the same command again",
+        )
     order = _order(reply.rows, "time")
     if order is None:
-        return Verdict.INCONCLUSIVE, f"{len(reply.rows)} entries, in no order that can be seen"
+        return Verdict.INCONCLUSIVE, f"{len(reply.rows)} entries, in no visible order"
     verdict = {Verdict.PASS: Verdict.FAIL, Verdict.FAIL: Verdict.PASS}[order]
     return verdict, f"{len(reply.rows)} entries, {'newest' if verdict is Verdict.PASS else 'oldest'} first"
 
@@ -158,7 +161,10 @@ def _judge_history_names(replies: Sequence[api.Reply]) -> Judgement:
     commands = [row.get(name, "") for row in reply.rows for name in ("undo", "redo")]
     about = [command for command in commands if _NAMES_A_ROW.search(command)]
     if not about:
-        return Verdict.SKIP, f"{len(reply.rows)} entries, of no row that is there: change one, then type the same again"
+        return (
+            Verdict.SKIP,
+            f"{len(reply.rows)} entries, none of an existing row: change one, then run the same command again",
+        )
     naming = [command for command in about if re.search(r"\*[0-9A-Fa-f]+", command)]
     # Settings have no row to name, so that a few may name none.
     return (Verdict.PASS if naming else Verdict.FAIL), f"{len(naming)} of {len(about)} commands name an .id"
@@ -170,7 +176,7 @@ def _judge_netwatch(replies: Sequence[api.Reply]) -> Judgement:
         return Verdict.SKIP, str(_refusal_text(reply))
     values = [(row[name], form) for row in reply.rows for name, form in _NETWATCH.items() if row.get(name)]
     if not values:
-        return Verdict.SKIP, "no row of netwatch is there"
+        return Verdict.SKIP, "there is no netwatch row"
     other = next((value for value, form in values if not form.fullmatch(value)), None)
     return (Verdict.PASS, f"{len(values)} values") if other is None else (Verdict.FAIL, f"`{other}`")
 
@@ -192,10 +198,10 @@ _NETWATCH = {"interval": _TIME, "timeout": _TIME, "thr-loss-percent": _SHARE}
 def _judge_pin_words(replies: Sequence[api.Reply]) -> Judgement:
     _, reply = replies
     if reply.trap is not None or not reply.rows:
-        return Verdict.SKIP, "no modem is there"
+        return Verdict.SKIP, "there is no modem"
     word = reply.rows[0].get("pin-status")
     if word is None:
-        return Verdict.SKIP, "the modem says nothing of a PIN"
+        return Verdict.SKIP, "the modem does not mention a PIN"
     is_known = pin.sim_of({"pin-status": word}) is not pin.PinSim.UNKNOWN
     return (Verdict.PASS if is_known else Verdict.FAIL), f"`{word}`"
 
@@ -203,7 +209,7 @@ def _judge_pin_words(replies: Sequence[api.Reply]) -> Judgement:
 def _judge_ping(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is None:
-        return Verdict.PASS, f"{len(reply.rows)} answers of the device to itself"
+        return Verdict.PASS, f"{len(reply.rows)} responses of the device to itself"
     missing = reply.trap.message.startswith(("no such command", "bad command name"))
     return (Verdict.FAIL if missing else Verdict.INCONCLUSIVE), str(_refusal_text(reply))
 
@@ -232,9 +238,11 @@ def _judge_parse_words(replies: Sequence[api.Reply]) -> Judgement:
         return judgement
     valid_text, *wrong = [(reply.ret or "").strip() for reply in replies]
     if not valid_text.startswith("(evl /"):
-        return Verdict.FAIL, f"of a right line it prints `{valid_text}`"
+        return Verdict.FAIL, f"for a valid line it prints `{valid_text}`"
     other = next((text for text in wrong if not refusal(text)), None)
-    return (Verdict.PASS, f"`{wrong[0]}`") if other is None else (Verdict.FAIL, f"of a wrong line it prints `{other}`")
+    return (
+        (Verdict.PASS, f"`{wrong[0]}`") if other is None else (Verdict.FAIL, f"for an invalid line it prints `{other}`")
+    )
 
 
 def _judge_parse_nested(replies: Sequence[api.Reply]) -> Judgement:
@@ -252,7 +260,7 @@ def _ambiguous(replies: Sequence[api.Reply]) -> Judgement:
         return judgement
     several, nobody = [(reply.ret or "").strip() for reply in replies]
     if nobody.startswith("(evl /") or not nobody:
-        return Verdict.INCONCLUSIVE, f"of an unknown argument it prints `{nobody}`"
+        return Verdict.INCONCLUSIVE, f"for an unknown argument it prints `{nobody}`"
     # The column may be that behind the name.
     same = re.sub(r"\bco\b|column \d+", "", several) == re.sub(r"\batlantis\b|column \d+", "", nobody)
     return (Verdict.PASS if same else Verdict.FAIL), f"`{several}`"
@@ -272,10 +280,10 @@ def _judge_inspection(replies: Sequence[api.Reply]) -> Judgement:
     if not set(_QUERY_WORDS) < set(lists[0]):
         return Verdict.FAIL, f"the list of `{_LIST_ARGUMENT[1]}` is {', '.join(lists[0]) or 'empty'}"
     if len(set(lists)) > 1:
-        return Verdict.FAIL, f"{len(set(lists))} different lists in {len(lists)} answers"
+        return Verdict.FAIL, f"{len(set(lists))} different lists in {len(lists)} responses"
     return (Verdict.PASS if query_result == _QUERY_WORDS else Verdict.FAIL), (
-        f"the same {len(lists[0])} words in {len(lists)} answers, "
-        f"of which a query picks {', '.join(query_result) or 'none'}"
+        f"the same {len(lists[0])} words in {len(lists)} responses, of which a query selects "
+        f"{', '.join(query_result) or 'none'}"
     )
 
 
@@ -335,9 +343,9 @@ async def read(endpoint: api.Endpoint) -> SeenAnswers:
         if monitor != pin.MONITOR:
             replies[questions.index(pin.MONITOR)] = await session.command(monitor)
         tls = session.tls_version
-    silent = f"silent with {api.READING_WINDOW} in flight, answered with {api.WINDOW}"
+    silent = f"no response with {api.READING_WINDOW} requests in flight, responses with {api.WINDOW}"
     judgements = {
-        "api-flight-100": (Verdict.FAIL, silent) if narrow else (Verdict.PASS, f"{len(many)} answers"),
+        "api-flight-100": (Verdict.FAIL, silent) if narrow else (Verdict.PASS, f"{len(many)} responses"),
         "tls-version": (Verdict.PASS if tls == "TLSv1.2" else Verdict.FAIL, tls),
     }
     for name, check in CHECKS.items():
@@ -395,7 +403,7 @@ _ALL = _print(_MENU, ".id")
 _HISTORY = _print("/system/history", ".id")
 _SCRIPT_ROWS: Final = 3
 """Number of rows that the first script adds."""
-_NOT_TRIED = (Verdict.INCONCLUSIVE, "not tried: the session was lost before")
+_NOT_TRIED = (Verdict.INCONCLUSIVE, "not tried: the session was already lost")
 
 
 async def try_out(endpoint: api.Endpoint) -> tuple[AssumptionFinding, ...]:
@@ -421,18 +429,21 @@ async def _refuse(session: api.Session) -> None:
     state, *replies = await session.flight([safe_mode.READ, *_EVERY_MARKED])
     if state.trap is not None:
         raise DeviceError(
-            "nothing was tried: this device has no safe mode for the API",
-            hint="it came with RouterOS 7.18; without `--try` the device is only read",
+            "nothing was tried: this device has no safe mode over the API",
+            hint="it exists since RouterOS 7.18; without `--try` the device is only read",
         )
     if safe_mode.Holder.of(state).is_taken:
         raise DeviceError(
-            "nothing was tried: somebody holds safe mode of this device",
-            hint="wait until they have ended, or ten minutes if their link has died; without `--try` it is only read",
+            "nothing was tried: somebody else holds safe mode on this device",
+            hint=(
+                "wait until they have ended, or ten minutes if their link was lost; without `--try` the device is "
+                "only read"
+            ),
         )
     leftover_count = sum(len(reply.check().rows) for reply in replies)
     if leftover_count:
         raise DeviceError(
-            f"nothing was tried: {leftover_count} scratch rows of an earlier try are there",
+            f"nothing was tried: {leftover_count} scratch rows of an earlier try are left",
             hint=f"on the device:  {_BY_HAND}",
         )
 
@@ -447,13 +458,13 @@ async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dic
         except api.SessionLost:
             judgements["api-flight-24"] = (Verdict.FAIL, f"the session was lost with {api.WINDOW} writes in flight")
             raise
-        judgements["api-flight-24"] = (Verdict.PASS, f"{len(replies)} answers")
+        judgements["api-flight-24"] = (Verdict.PASS, f"{len(replies)} responses")
         judgements["api-tagged-order"], ids = _judge_id_order(replies)
         if ids:
             await session.command(api.Command(f"{_MENU}/remove", ((".id", f"*{max(ids):X}"),)))
             again = _parse_row_id((await session.command(_add_command("again"))).ret)
             has_grown = again is not None and again > max(ids)
-            words = "greater than all before" if has_grown else "not greater than all before"
+            words = "greater than all before it" if has_grown else "not greater than all before it"
             judgements["api-ids-grow"] = (
                 Verdict.PASS if has_grown else Verdict.FAIL,
                 f"the .id after a removal is {words}",
@@ -466,11 +477,11 @@ async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dic
     scratch_rows = (await watcher.command(_SCRATCH_ROWS)).check().rows
     script_rows = [row for row in scratch_rows if row.get("name", "").startswith("script-")]
     if script_rows:
-        judgements["safe-mode-undoes-scripts"] = (Verdict.FAIL, f"{len(script_rows)} rows of scripts are left")
+        judgements["safe-mode-undoes-scripts"] = (Verdict.FAIL, f"{len(script_rows)} script rows are left")
     elif after != before:
-        judgements["safe-mode-undoes-scripts"] = (Verdict.INCONCLUSIVE, "the menu is not as before")
+        judgements["safe-mode-undoes-scripts"] = (Verdict.INCONCLUSIVE, "the menu is not as before the test")
     elif judgements["execute-stops"][0] is not Verdict.INCONCLUSIVE:
-        judgements["safe-mode-undoes-scripts"] = (Verdict.PASS, "all rows are gone, the menu is as before")
+        judgements["safe-mode-undoes-scripts"] = (Verdict.PASS, "all rows are gone, the menu is as before the test")
 
 
 def _parse_row_id(text: str | None) -> int | None:
@@ -481,10 +492,12 @@ def _judge_id_order(replies: Sequence[api.Reply]) -> tuple[Judgement, list[int]]
     ids = [_parse_row_id(reply.ret) for reply in replies]
     known_ids = [each for each in ids if each is not None]
     if len(known_ids) < len(ids):
-        words = next((_refusal_text(reply) for reply in replies if reply.trap is not None), "no .id was answered")
+        words = next(
+            (_refusal_text(reply) for reply in replies if reply.trap is not None), "the response contains no .id"
+        )
         return (Verdict.INCONCLUSIVE, str(words)), []
     rising = all(a < b for a, b in pairwise(known_ids))
-    words = "in the order of sending" if rising else "in another order than that of sending"
+    words = "in the order of sending" if rising else "not in the order of sending"
     return (Verdict.PASS if rising else Verdict.FAIL, f"{len(known_ids)} rows were added {words}"), known_ids
 
 
@@ -527,7 +540,10 @@ async def _by_scripts(session: api.Session, judgements: dict[str, Judgement]) ->
     elif "script-after" in names:
         judgements["execute-stops"] = (Verdict.FAIL, "the line after the error was executed")
     else:
-        judgements["execute-stops"] = (Verdict.PASS, "the line before the error was executed, the one after it not")
+        judgements["execute-stops"] = (
+            Verdict.PASS,
+            "the line before the error was executed, the line after it was not",
+        )
 
 
 _BEFORE, _AFTER = "atlantis-verify", "atlantis-verified"
@@ -541,14 +557,14 @@ async def _by_name(session: api.Session) -> Judgement:
     for menu, values in ((_BRIDGE, bridge), (_ROUTE, route)):
         reply = await session.command(api.Command(f"{menu}/add", values))
         if reply.trap is not None or reply.ret is None:
-            return Verdict.INCONCLUSIVE, _refusal_text(reply) or "no .id was answered"
+            return Verdict.INCONCLUSIVE, _refusal_text(reply) or "the response contains no .id"
         ids.append(reply.ret)
     rename_reply = await session.command(api.Command(f"{_BRIDGE}/set", ((".id", ids[0]), ("name", _AFTER))))
     if rename_reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(rename_reply))
     route_reply = await session.command(replace(_print(_ROUTE, "gateway"), queries=(f"?.id={ids[1]}",)))
     gateway = next((row.get("gateway", "") for row in route_reply.rows), "")
-    return (Verdict.PASS if gateway == _AFTER else Verdict.FAIL), f"renamed to {_AFTER}, the route says `{gateway}`"
+    return (Verdict.PASS if gateway == _AFTER else Verdict.FAIL), f"renamed to {_AFTER}, the route shows `{gateway}`"
 
 
 ON_EVENT: Final = 60_000
@@ -567,7 +583,7 @@ async def _by_job(session: api.Session) -> Judgement:
     stored_bytes = len(job_reply.rows[0].get("on-event", ""))
     return (
         Verdict.PASS if stored_bytes == ON_EVENT else Verdict.FAIL
-    ), f"of {ON_EVENT:,} bytes it has kept {stored_bytes:,}"
+    ), f"of {ON_EVENT:,} bytes it stored {stored_bytes:,}"
 
 
 def _ids(reply: api.Reply) -> set[str]:
@@ -627,7 +643,10 @@ async def fall_silent(endpoint: api.Endpoint) -> AssumptionFinding:
     if elapsed_s is None:
         judgement = (Verdict.FAIL, f"not undone after {UNDO_S / 60:.0f} minutes")
     elif elapsed_s < _SOON_S:
-        judgement = (Verdict.INCONCLUSIVE, f"undone within {elapsed_s:.0f} s: the session was not silent, but ended")
+        judgement = (
+            Verdict.INCONCLUSIVE,
+            f"undone within {elapsed_s:.0f} s: the session had ended, it was not just silent",
+        )
     else:
         judgement = (Verdict.PASS, f"undone after {elapsed_s / 60:.1f} minutes of silence")
     return AssumptionFinding.of(name, judgement)
@@ -649,7 +668,7 @@ async def _wait_until_gone(session: api.Session, within_s: float, every_s: float
 async def _clean_up(endpoint: api.Endpoint) -> None:
     """Check in a new session that no row is left; remove what safe mode has not undone. Raises OutcomeUnknown."""
     unknown = OutcomeUnknown(
-        "the device does not say that the scratch rows are gone",
+        "the device does not confirm that the scratch rows are gone",
         hint=f"after ten minutes, on the device:  {_BY_HAND}",
     )
     try:

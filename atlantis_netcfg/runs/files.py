@@ -108,13 +108,13 @@ def unwritable(what: str, path: Path, error: OSError) -> JournalError:
     reason = error.strerror or str(error)
     return JournalError(
         f"{what} cannot be written: {reason} ({path})",
-        hint="make room on the disk or correct its permissions, then run the same command again",
+        hint="free disk space or correct the permissions, then run the same command again",
     )
 
 
 def missing_file_error(what: str, path: Path) -> JournalError:
     """Return the error for an open file that was moved or deleted, so that writes to it would be lost."""
     return JournalError(
-        f"{what} cannot be written: the folder of the run was deleted or replaced in mid-run ({path})",
-        hint="keep the state folder on a disk that stays, then run the same command again",
+        f"{what} cannot be written: the folder of the run was deleted or replaced during the run ({path})",
+        hint="keep the state folder on a disk that stays mounted, then run the same command again",
     )

@@ -58,8 +58,8 @@ class SavedState:
 
     def _damage_error(self, why: str) -> DamagedStateError:
         return DamagedStateError(
-            f"the state that run {self.run} has kept cannot be used: {why} ({self.path})",
-            hint="take the state of another run: `provision report runs` lists them",
+            f"the state saved by run {self.run} cannot be used: {why} ({self.path})",
+            hint="use the state of another run: `provision report runs` lists them",
         )
 
 

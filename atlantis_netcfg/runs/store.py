@@ -107,7 +107,7 @@ class SiteLock:
         holder = self._holder()
         who = str(holder) if holder is not None else "somebody who has just started"
         return files.SiteBusy(
-            f"{self._site} is being worked on by {who}",
+            f"{self._site} is locked by {who}",
             hint="wait until that run has ended, then run the same command again",
         )
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-_WHAT = "the bytes of this month"
+_WHAT = "the data usage of this month"
 _BOOT_SLACK = timedelta(seconds=120)
 """Tolerance of the computed start time of a device that was not restarted: clocks are set, and a reply over a
 
@@ -147,7 +147,7 @@ class Usage:
         except (OSError, ValueError, ValidationError) as error:
             raise files.DamagedStateError(
                 f"{_WHAT} cannot be read: {self._path}",
-                hint="restore the file from a copy, or move it away: then the month is counted from the next look on",
+                hint="restore the file from a copy, or move it away: the month is then counted from the next check",
             ) from error
 
 
@@ -162,15 +162,15 @@ def _rise(last: Counters | None, counters: Counters) -> tuple[int | None, str | 
     between = f"between {_stamp(last.at)} and {_stamp(counters.at)}"
     if (last.device, last.interface) != (counters.device, counters.interface):
         was, now = (f"{item.interface} of {item.device}" for item in (last, counters))
-        return None, f"{between} the link moved from {was} to {now}: what it carried meanwhile is not counted"
+        return None, f"{between} the link moved from {was} to {now}: its traffic in that time is not counted"
     shrunk = counters.rx_bytes < last.rx_bytes or counters.tx_bytes < last.tx_bytes
     restart = _detect_restart(last, counters)
     if restart and (shrunk or restart is _Restart.CERTAIN):
-        return counters.bytes, f"{between} the router was restarted: what was carried before that is not counted"
+        return counters.bytes, f"{between} the router restarted: traffic before that is not counted"
     if shrunk:
-        why = "were reset or ran over"
-        return counters.bytes, f"{between} the counters {why}: what was carried before that is not counted"
-    gap = "the router was restarted, or the clock of this computer was set: more may have been carried"
+        why = "were reset or overflowed"
+        return counters.bytes, f"{between} the counters {why}: traffic before that is not counted"
+    gap = "the router restarted, or the clock of this computer was set: the traffic may be higher"
     return counters.bytes - last.bytes, f"{between} {gap}" if restart else None
 
 

@@ -67,11 +67,11 @@ class PackageTarget:
     def __post_init__(self) -> None:
         """Raise UsageError for values that would fail during issuing."""
         if self.copies is not None and not self.copies.is_dir():
-            raise UsageError(f"there is no folder {self.copies}", hint="make it first, or leave `to=` out")
+            raise UsageError(f"folder {self.copies} does not exist", hint="create it first, or leave `to=` out")
         if not self.contact.strip() or not self.contact.isprintable() or len(self.contact) > _CONTACT_MAX:
             raise UsageError(
-                f"`contact=`: that is no line of {_CONTACT_MAX} characters at most",
-                hint="a name, a telephone number and a mail address, for instance",
+                f"`contact=` must be one line of at most {_CONTACT_MAX} characters",
+                hint="for example a name, a telephone number and an e-mail address",
             )
 
 
@@ -220,7 +220,9 @@ def reason_of(text: str | None) -> str:
     if text is None:
         return "no reason given"
     if not text.isprintable() or len(text) > _LONGEST:
-        raise UsageError(f"a reason is one line of {_LONGEST} characters at most", hint="as in `reason=stolen`")
+        raise UsageError(
+            f"a reason must be one line of at most {_LONGEST} characters", hint="for example `reason=stolen`"
+        )
     return text
 
 
@@ -248,10 +250,12 @@ def existing_authority(folder: Path, inventory: Inventory) -> Authority | None:
     names, declared_names = authority.server(), server_names(inventory)
     if names != declared_names:
         raise UsageError(
-            f"{folder} has an authority whose server is {_names_text(names)}, and the inventory declares "
+            f"the authority in {folder} is for the server {_names_text(names)}, but the inventory has "
             f"{_names_text(declared_names)}",
-            hint="if the inventory is right, `provision vpn sync --sign` makes a certificate for it; "
-            "another authority has another folder: `authority=FOLDER`",
+            hint=(
+                "if the inventory is right, run `provision vpn sync --sign` to issue a new server certificate; for "
+                "another authority, use another folder: `authority=FOLDER`"
+            ),
         )
     return authority
 
@@ -260,9 +264,11 @@ def refuse_example_authority(inventory: Inventory, *, is_explicit: bool) -> None
     """Raise UsageError if the inventory has example values, unless an explicit folder makes this a trial."""
     if inventory.pilot.example_values and not is_explicit:
         raise UsageError(
-            "the inventory still holds example values, and nobody could use what is made of them",
-            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, "
-            "or try it out in a folder of its own: add `authority=FOLDER`",
+            "the inventory still contains example values: identities made from it would not work",
+            hint=(
+                "replace them and set `example_values: false` in group_vars/all/pilot.yml; to try things out, use "
+                "a separate folder: `authority=FOLDER`"
+            ),
         )
 
 

@@ -230,7 +230,7 @@ class _PolicyDraft:
     def _partner_permissions(self) -> Iterator[Permission]:
         for name, partner in self._partners.items():
             zone = zone_of(f"p_{name}", (IPv4Network(item.address) for item in self._members if item.partner == name))
-            yield Permission(zone, zone, ANYTHING, f"{name} among itself")
+            yield Permission(zone, zone, ANYTHING, f"within {name}")
             yield from self._services_for(name, zone)
             if partner.sees:
                 robots = [IPv4Network(member.address) for member in self._members if member.vehicle in partner.sees]
@@ -377,9 +377,9 @@ def _forward(permission: Permission) -> Iterator[str]:
     yield f"ip saddr @{source} ip daddr @{destination} {_match(permission.traffic)}accept {nft_comment(permission.why)}"
     if permission.traffic.ports is not None:
         answer = f"{permission.traffic.protocol} sport {_ports(permission.traffic.ports)} {_ANSWER}"
-        yield f"ip saddr @{destination} ip daddr @{source} {answer} accept {nft_comment('its answers')}"
+        yield f"ip saddr @{destination} ip daddr @{source} {answer} accept {nft_comment('its responses')}"
     elif permission.traffic == ANYTHING and source != destination:
-        yield f"ip saddr @{destination} ip daddr @{source} {_ANSWER} accept {nft_comment('its answers')}"
+        yield f"ip saddr @{destination} ip daddr @{source} {_ANSWER} accept {nft_comment('its responses')}"
 
 
 def _input(permission: Permission) -> Iterator[str]:

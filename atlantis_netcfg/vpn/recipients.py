@@ -41,7 +41,7 @@ def recipient_of(argument: str) -> str:
     _refuse_private(text)
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) != 1:
-        raise UsageError(f"there are {len(lines)} keys in {requests.quote(argument)}", hint="one file, one public key")
+        raise UsageError(f"{len(lines)} keys in {requests.quote(argument)}", hint="use one file per public key")
     check_recipient(lines[0])
     return lines[0]
 
@@ -49,16 +49,18 @@ def recipient_of(argument: str) -> str:
 def _refuse_private(text: str) -> None:
     if any(mark in text.upper() for mark in _PRIVATE):
         raise UsageError(
-            "this is a private key, and was meant for nobody but its owner",
-            hint="let them make a new one (`age-keygen`), and send the line that begins with age1",
+            "this is a private key: only its owner may have it",
+            hint="ask them to create a new one (`age-keygen`) and to send the line that begins with age1",
         )
 
 
 def _read_key_file(argument: str) -> str:
-    hint = "an age key begins with age1; or name a file that holds one, or an SSH public key"
+    hint = "an age key begins with age1; you can also name a file that contains one, or an SSH public key"
     try:
         with Path(argument).open(encoding="utf-8") as file:
             return file.read(_LONGEST)
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
-        raise UsageError(f"no key to seal to: {requests.quote(argument)} cannot be read: {why}", hint=hint) from error
+        why = getattr(error, "strerror", None) or "it is not a text file"
+        raise UsageError(
+            f"no public key to seal to: {requests.quote(argument)} cannot be read: {why}", hint=hint
+        ) from error

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.inventory import Host, Inventory
 
-NOT_REHEARSED = ("the VPN: clients run with identities of the rehearsal, and no server answers them",)
+NOT_REHEARSED = ("VPN: clients run with rehearsal identities, and no server responds to them",)
 _DAYS = 397
 
 
@@ -32,9 +32,7 @@ def rehearsed_identity(inventory: Inventory, host: Host, wrap: Wrap = Wrap.TLS_C
     """Return the identity of an inventory computer or router. Raises UsageError if it is not a VPN member."""
     address = _address(host)
     if address is None:
-        raise errors.UsageError(
-            f"{host.name} has no address in the VPN", hint=f"declare one in host_vars/{host.name}.yml"
-        )
+        raise errors.UsageError(f"{host.name} has no address in the VPN", hint=f"add one in host_vars/{host.name}.yml")
     router = isinstance(host.device, Router)
     kind = KeyType.RSA if router else KeyType.EC
     now, key = datetime.now(UTC), pki.new_key(kind)
@@ -72,9 +70,7 @@ def vpn_server(identity: Identity) -> Iterator[int]:
     """Run a real OpenVPN server on the loopback, without tunnel, with that identity's shared key; yield its port."""
     program = shutil.which("openvpn") or shutil.which("openvpn", path="/usr/sbin:/sbin")
     if program is None:
-        raise errors.NoMatchError(
-            "not rehearsed: this computer has no OpenVPN that could answer", hint="install openvpn"
-        )
+        raise errors.NoMatchError("not rehearsed: OpenVPN is not installed on this computer", hint="install openvpn")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port: int = free.getsockname()[1]
@@ -85,7 +81,7 @@ def vpn_server(identity: Identity) -> Iterator[int]:
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our words
             try:
                 if not any("link local" in line for line in process.stdout or ()):
-                    raise errors.NetcfgError("the OpenVPN of the rehearsal did not start")
+                    raise errors.NetcfgError("the rehearsal's OpenVPN did not start")
                 yield port
             finally:
                 process.terminate()

@@ -31,22 +31,22 @@ def find(membership: identity.MembershipList, name: str) -> identity.Member:
             return membership.members[member_name]
     near = errors.nearest(name, membership.members)
     hint = f"did you mean `name={near}`?" if near else "`provision vpn list` lists them all"
-    raise errors.UsageError(f"there is no member `{ascii(name)[1:-1][:60]}` in the VPN", hint=hint)
+    raise errors.UsageError(f"the VPN has no member `{ascii(name)[1:-1][:60]}`", hint=hint)
 
 
 def of_partner(membership: identity.MembershipList, partner: str | None) -> tuple[identity.Member, ...]:
     """Return the members of a partner, or all. Raises UsageError, NoMatchError if there is none."""
     if not membership.members:
-        raise errors.NoMatchError(
-            "the VPN has no members yet", hint="`provision vpn onboard --help` says how to add one"
-        )
+        raise errors.NoMatchError("the VPN has no members yet", hint="to add one, see `provision vpn onboard --help`")
     if partner is None:
         return tuple(membership.members.values())
     result = tuple(member for member in membership.members.values() if member.partner == partner)
     if not result:
         partners = sorted({member.partner for member in membership.members.values() if member.partner is not None})
         near = errors.nearest(partner, partners)
-        hint = f"did you mean `partner={near}`?" if near else f"there are devices of: {', '.join(partners) or 'nobody'}"
+        hint = (
+            f"did you mean `partner={near}`?" if near else f"partners with devices: {', '.join(partners) or 'nobody'}"
+        )
         raise errors.UsageError(f"no VPN member belongs to partner `{ascii(partner)[1:-1][:60]}`", hint=hint)
     return result
 
@@ -59,7 +59,7 @@ def status_of(member: identity.Member, now: datetime) -> str:
     if newest.not_after <= now:
         return "expired"
     if newest is not oldest:
-        return f"renewed, {oldest.common_name} still in use"
+        return f"renewed, {oldest.common_name} is still in use"
     return "in use" if newest.standing is identity.CertificateStatus.SEEN else "never seen"
 
 
@@ -114,7 +114,7 @@ def period(text: str, word: str) -> timedelta:
     match = re.fullmatch(r"([0-9]{1,4})([dw])", text)
     if match is None:
         raise errors.UsageError(
-            f"`{word}={ascii(text)[1:-1][:60]}` is no span of time", hint=f"days or weeks, as in `{word}=30d`"
+            f"`{word}={ascii(text)[1:-1][:60]}` is not a time span", hint=f"use days or weeks, for example `{word}=30d`"
         )
     return timedelta(days=int(match[1]) * _PERIODS[match[2]])
 
@@ -136,13 +136,13 @@ class Audit:
             return ()
         later = agreement.lines - agreement.signed_lines
         signature_text = (
-            f"the first {agreement.signed_lines} are as the CA key signed them on {agreement.at:%Y-%m-%d %H:%M} UTC"
+            f"the first {agreement.signed_lines} match the signature of the CA key of {agreement.at:%Y-%m-%d %H:%M} UTC"
         )
         return (
             f"{agreement.lines} entries in all: {signature_text}",
             f"the certificates and revocation list {agreement.number} agree with them",
-            *([f"entries after line {agreement.signed_lines} are chained to them, and not signed"] if later else []),
-            "whether this is the newest copy is not checked here: `provision vpn status` asks the server",
+            *([f"entries after line {agreement.signed_lines} are chained to them, but not signed"] if later else []),
+            "this command does not check whether this is the newest copy: `provision vpn status` asks the server",
         )
 
 
@@ -168,8 +168,8 @@ def audit(authority: Authority, since: datetime | None, partner: str | None) -> 
     )
 
 
-_SIGN = "if nobody is missing in `provision vpn list`: `provision vpn sync --sign` signs it from now on"
-_COMPARE = "sign nothing; put the folder of the last backup beside this one, and compare them"
+_SIGN = "if `provision vpn list` shows every member, `provision vpn sync --sign` signs it from now on"
+_COMPARE = "sign nothing; compare this folder with the one in the last backup"
 
 
 def _affected_members(result: object) -> set[str]:
@@ -192,4 +192,6 @@ def start_of(since: str) -> datetime:
     try:
         return datetime.now(UTC) - period(since, "since")
     except errors.UsageError as error:
-        raise errors.UsageError(str(error), hint="a day or a span, as in `since=2026-11-01` or `since=30d`") from None
+        raise errors.UsageError(
+            str(error), hint="use a day or a time span: `since=2026-11-01` or `since=30d`"
+        ) from None

@@ -76,7 +76,7 @@ class RequestCheck:
                 return item
         near = None if value[:1].isdecimal() else nearest(value, choices)  # another version is not what was meant
         hint = f"did you mean `{word}={near}`?" if near else f"choose one of: {', '.join(choices)}"
-        self.wrong(f"`{word}=`: {quote(value)} is not known", hint)
+        self.wrong(f"`{word}=`: unknown value {quote(value)}", hint)
         return None
 
     def days(self) -> int | None:
@@ -85,7 +85,9 @@ class RequestCheck:
         if value is None:
             return None
         if re.fullmatch(r"[0-9]{1,5}", value) is None or not 1 <= int(value) <= _MOST_DAYS:
-            self.wrong(f"`days=`: {quote(value)} is no number from 1 to {_MOST_DAYS}", f"as in `days={CLIENT_DAYS}`")
+            self.wrong(
+                f"`days=`: {quote(value)} is not a number from 1 to {_MOST_DAYS}", f"for example `days={CLIENT_DAYS}`"
+            )
             return None
         return int(value)
 
@@ -101,7 +103,7 @@ def request_of_host(inventory: Inventory, check: RequestCheck) -> EnrolmentReque
     for word in ("partner", "kind", "vehicle", "address", "system", "distribution", "openvpn"):
         if check.words[word] is not None:
             check.wrong(
-                f"`{word}=` does not go with a computer of the inventory", "leave it out: the inventory says it"
+                f"`{word}=` cannot be used with a computer in the inventory", "leave it out: the inventory sets it"
             )
     host = _find_declared_host(inventory, check)
     link, wrap = check.choice("link", list(identity.MemberLink)), check.choice("wrap", list(identity.Wrap))
@@ -126,12 +128,12 @@ def _find_declared_host(inventory: Inventory, check: RequestCheck) -> Host | Non
     host_name, inside = str(check.words["device"]), computers(inventory)
     if host_name in inside:
         return inventory.hosts[host_name]
-    there = f"those in the VPN: {', '.join(inside)}"
+    there = f"in the VPN: {', '.join(inside)}"
     if host_name in inventory.hosts:
-        check.wrong(f"`{host_name}` is no client of the VPN: it has no tunnel address, or it is the server", there)
+        check.wrong(f"`{host_name}` is not a VPN client: it has no tunnel address, or it is the server", there)
         return None
     near = nearest(host_name, inside)
-    otherwise = f"add `partner=`, if it is a device of a partner; {there}"
+    otherwise = f"add `partner=` if it is a partner's device; {there}"
     check.wrong(
         f"there is no host {quote(host_name)} in the inventory", f"did you mean `device={near}`?" if near else otherwise
     )
@@ -197,9 +199,11 @@ def _days_of(inventory: Inventory, check: RequestCheck, vehicle: str | None, day
         return days or CLIENT_DAYS
     most = days_left(inventory, guest, datetime.now(UTC))
     if most < 1:
-        check.wrong(f"the guest `{vehicle}` was here until {guest.until}", "write a later day at `until:`, or end it")
+        check.wrong(
+            f"the stay of guest `{vehicle}` ended on {guest.until}", "set a later day in `until:`, or end the stay"
+        )
     elif days is not None and days > most:
-        check.wrong(f"`days={days}`: the guest `{vehicle}` is here until {guest.until}", f"as in `days={most}`")
+        check.wrong(f"`days={days}`: guest `{vehicle}` stays until {guest.until}", f"for example `days={most}`")
     return max(1, min(days or CLIENT_DAYS, most))
 
 
@@ -219,11 +223,14 @@ def _client_words(check: RequestCheck, kind: identity.MemberKind | None) -> _Cli
     version = check.choice("openvpn", list(OpenVpnVersion))
     if kind is not None and system is not None and system not in identity.SYSTEMS[kind]:
         check.wrong(
-            f"`system={system}` is no system of a {kind}", f"choose one of: {', '.join(identity.SYSTEMS[kind])}"
+            f"`system={system}`: a {kind} does not use this system",
+            f"choose one of: {', '.join(identity.SYSTEMS[kind])}",
         )
     for word, value in (("distribution", release), ("openvpn", version)):
         if kind is identity.MemberKind.ROUTER and value is not None:
-            check.wrong(f"`{word}=` does not go with `kind=router`", f"leave `{word}=` out: RouterOS has neither")
+            check.wrong(
+                f"`{word}=` cannot be used with `kind=router`", f"leave `{word}=` out: RouterOS supports neither"
+            )
     return _ClientWords(system, release, version, wrap)
 
 
@@ -236,14 +243,14 @@ def _wrap(
         value, declared_value = getattr(client, word), getattr(declared_vehicle, word, None)
         if None not in (value, declared_value) and value != declared_value:
             check.wrong(
-                f"`{word}={value}`: the vehicle `{vehicle}` is declared with `{word}: {declared_value}`",
+                f"`{word}={value}`: the inventory has `{vehicle}` with `{word}: {declared_value}`",
                 f"leave `{word}=` out, or correct vehicles.yml",
             )
     version = systems.openvpn(inventory, kind, vehicle, version=client.openvpn, release=client.distribution)
     if client.wrap is identity.Wrap.TLS_CRYPT_V2 and version is OpenVpnVersion.V2_4:
         check.wrong(
-            f"`wrap={client.wrap}`: the device's OpenVPN is 2.4, which cannot read such a profile",
-            "leave `wrap=` out; if it has a newer OpenVPN, say which: `openvpn=2.6`",
+            f"`wrap={client.wrap}`: the device has OpenVPN 2.4, which cannot read such a profile",
+            "leave `wrap=` out; if the device has a newer OpenVPN, add `openvpn=2.6`",
         )
     usual = systems.wrap_for(version, force_cookie=inventory.pilot.vpn.force_cookie)
     if (
@@ -252,8 +259,8 @@ def _wrap(
         and version is not OpenVpnVersion.V2_4
     ):
         check.wrong(
-            f"`wrap={client.wrap}`: the server answers such clients from OpenVPN 2.6 on alone (`force_cookie`)",
-            "leave `wrap=` out; if the device has OpenVPN 2.6, type `openvpn=2.6`",
+            f"`wrap={client.wrap}`: the server accepts such clients only from OpenVPN 2.6 on (`force_cookie`)",
+            "leave `wrap=` out; if the device has OpenVPN 2.6, add `openvpn=2.6`",
         )
     return client.wrap or usual
 
@@ -262,7 +269,8 @@ def _partner(inventory: Inventory, check: RequestCheck) -> str | None:
     partner, partners = check.words["partner"], inventory.partners
     if partner is None:
         check.wrong(
-            "`partner=` is missing: whose device it is", "add it, or name a computer of the inventory by `device=`"
+            "`partner=` is missing: the partner that owns the device",
+            "add it, or name a computer in the inventory with `device=`",
         )
     elif partner not in partners:
         near = nearest(partner, partners)
@@ -276,14 +284,14 @@ def _partner(inventory: Inventory, check: RequestCheck) -> str | None:
 def _device(check: RequestCheck) -> str | None:
     value = check.words["device"]
     if value is None:
-        check.wrong("`device=` is missing: what the device is called", "add it, as in `device=sparus2`")
+        check.wrong("`device=` is missing: the name of the device", "add it, for example `device=sparus2`")
         return None
     return check.run_check(lambda: names.check_name(value, "device"))
 
 
 def _kind(check: RequestCheck) -> identity.MemberKind | None:
     if check.words["kind"] is None:
-        check.wrong("`kind=` is missing: what the device is", f"choose one of: {', '.join(_KINDS)}")
+        check.wrong("`kind=` is missing: the kind of device", f"choose one of: {', '.join(_KINDS)}")
     return check.choice("kind", _KINDS)
 
 
@@ -298,7 +306,7 @@ def _member(inventory: Inventory, check: RequestCheck, partner: str, device: str
     name = check.run_check(lambda: names.member_name(partner, device))
     if name in inventory.hosts:
         check.wrong(
-            f"`{name}` is a computer of the inventory",
+            f"`{name}` is a computer in the inventory",
             f"choose another name, or type `device={name}` without `partner=`",
         )
     return name
@@ -310,19 +318,22 @@ def _vehicle(
     value = check.words["vehicle"]
     if kind is not identity.MemberKind.ROBOT:
         if value is not None:
-            check.wrong(f"a {kind} is no vehicle", "leave `vehicle=` out, or say `kind=robot`")
+            check.wrong(f"a {kind} is not a vehicle", "leave `vehicle=` out, or set `kind=robot`")
         return None
     key = _find_vehicle(inventory, device if value is None else value)
     if key is None:
         if value is not None:
             near = nearest(value, inventory.vehicles)
-            choices = f"the vehicles are: {', '.join(inventory.vehicles)}"
-            check.wrong(f"there is no vehicle {quote(value)}", f"did you mean `vehicle={near}`?" if near else choices)
+            choices = f"vehicles: {', '.join(inventory.vehicles)}"
+            check.wrong(
+                f"there is no vehicle {quote(value)} in the inventory",
+                f"did you mean `vehicle={near}`?" if near else choices,
+            )
         return None
     owner = inventory.vehicles[key].partner
     if owner not in {None, partner}:
         check.wrong(
-            f"the vehicle `{key}` is `{owner}`'s, and not `{partner}`'s",
+            f"vehicle `{key}` belongs to `{owner}`, not to `{partner}`",
             f"type `partner={owner}`, or correct vehicles.yml",
         )
     return key
@@ -344,16 +355,16 @@ def _address(inventory: Inventory, check: RequestCheck, partner: str) -> IPv4Add
     value, pool = check.words["address"], inventory.partners[partner].vpn_pool
     if value is None:
         return None
-    hint = f"one of {pool}, or leave `address=` out"
+    hint = f"use one of {pool}, or leave `address=` out"
     try:
         address = IPv4Address(value)
     except ValueError:
-        check.wrong(f"{quote(value)} is no IPv4 address", hint)
+        check.wrong(f"{quote(value)} is not an IPv4 address", hint)
         return None
     if address not in pool:
-        check.wrong(f"{address} is not in the pool of `{partner}`", hint)
+        check.wrong(f"{address} is not in the address pool of `{partner}`", hint)
     elif address in {pool.network_address, pool.broadcast_address}:
-        check.wrong(f"{address} is the first or the last of {pool}, and no device's", hint)
+        check.wrong(f"{address} is the first or last address of {pool}, which no device may have", hint)
     return address
 
 
@@ -397,7 +408,7 @@ def requests_of(inventory: Inventory, device_requests: Iterable[DeviceWords]) ->
         if request.name in first_by_name:
             errors.append(
                 _with_place(
-                    item, UsageError(f"`{request.name}` is there twice, first in {first_by_name[request.name].place}")
+                    item, UsageError(f"`{request.name}` is defined twice, first in {first_by_name[request.name].place}")
                 )
             )
         first_by_name.setdefault(request.name, item)
@@ -450,7 +461,7 @@ def change_for(
     check = RequestCheck({**words, "wrap": change.wrap})
     if member.partner is None:
         for word in [word for word, value in words.items() if value is not None]:
-            check.wrong(f"`{word}=` does not go with `{member.name}`", "the inventory says it of a declared computer")
+            check.wrong(f"`{word}=` cannot be used with `{member.name}`", "the inventory sets it for this computer")
         check.close()
         if change.wrap is None and inventory.pilot.vpn.force_cookie and member.name in inventory.hosts:
             return replace(change, wrap=systems.wrap_of_host(inventory, inventory.hosts[member.name]))

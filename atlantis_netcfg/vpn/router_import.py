@@ -94,20 +94,23 @@ class RouterImport:
             observation = await self._look(session)
             if observation.by_tunnel:
                 raise DeviceError(
-                    f"you come to {self.name} through {self.tunnel.name}, which would go down with your session",
-                    hint="work at the site, on the management port: the old certificate is good until the new one is",
+                    f"you reach {self.name} through {self.tunnel.name}, which would go down with your session",
+                    hint=(
+                        "work at the site, on the management port: the old certificate stays valid until the new "
+                        "one works"
+                    ),
                 )
             try:
                 await self._import(session, observation)
             except api.SessionLost as lost:
                 raise OutcomeUnknown(
-                    f"{self.name} was lost while its tunnel was imported: {lost}",
-                    hint="type the same again: it goes on from there, and removes files that were left",
+                    f"connection to {self.name} lost while its tunnel was imported: {lost}",
+                    hint="run the same command again: it continues from there and removes leftover files",
                 ) from lost
             remaining_changes = (await self._look(session)).changes
             if remaining_changes:
-                raise OutcomeUnknown(f"{self.name} does not hold what was imported: {'; '.join(remaining_changes)}")
-            self._say(events.Stage.CONFIRMED, f"{self.tunnel.name} is imported")
+                raise OutcomeUnknown(f"{self.name} differs from what was imported: {'; '.join(remaining_changes)}")
+            self._say(events.Stage.CONFIRMED, f"{self.tunnel.name}: tunnel imported")
             return observation
         finally:
             await session.close()
@@ -157,7 +160,9 @@ class RouterImport:
         try:
             version = Version.parse(about.get("version", ""))
         except ValueError:
-            raise DeviceError(f"{self.name} names no version of RouterOS: {about.get('version', '')!r}") from None
+            raise DeviceError(
+                f"{self.name} does not report its RouterOS version: {about.get('version', '')!r}"
+            ) from None
         upgrade = f"`provision device upgrade site={self.site} device={self.name} packages=FILE.npk`"
         routeros.check_version(version, where=self.name, upgrade=upgrade)
 
@@ -166,7 +171,10 @@ class RouterImport:
         today = next((row.get("date", "") for row in clock), "")
         first, last = (f"{day:%Y-%m-%d}" for day in (self.identity.certificate.not_before, self._expiry))
         if _DATE.fullmatch(today) and not self.is_rehearsal and not first <= today <= last:
-            yield f"its clock says {today}: the tunnel comes up when it is right, see `/system ntp client print`"
+            yield (
+                f"its clock says {today}: the tunnel cannot come up until the clock is right, see `/system ntp "
+                "client print`"
+            )
 
     @property
     def _expiry(self) -> datetime:
@@ -187,17 +195,17 @@ class RouterImport:
         stale: tuple[str, ...],
         files: tuple[str, ...],
     ) -> Iterator[str]:
-        yield from (f"file {name} removed, which an earlier run has left" for name in files)
+        yield from (f"file {name} of an earlier run removed" for name in files)
         yield from ("interface of an earlier run removed" for _ in stale)
         certificate_name, until = self.tunnel.certificate, f"{self._expiry:%Y-%m-%d}"
         if certificate is None:
-            yield f"certificate {certificate_name} imported, good until {until}"
+            yield f"certificate {certificate_name} imported, valid until {until}"
         elif certificate.get("name") != certificate_name:
-            yield f"certificate {certificate.get('name')} called {certificate_name}"
+            yield f"certificate {certificate.get('name')} renamed to {certificate_name}"
         if interface is None:
             yield f"interface {self.tunnel.name} imported"
         elif not self._is_marked(interface):
-            yield f"interface {self.tunnel.name} imported in the place of the one that is there"
+            yield f"interface {self.tunnel.name} imported, replacing the existing one"
         else:
             other = sorted(name for name, value in self.tunnel.values().items() if _plain(interface, name) != value)
             if other:
@@ -240,7 +248,7 @@ class RouterImport:
             await _do(session, f"{_CERTIFICATES}/import", **{"file-name": PEM, "passphrase": "", "name": name})
         result = (await self._look(session)).certificate
         if result is None:
-            raise DeviceError(f"{self.name} does not show the certificate that it has imported")
+            raise DeviceError(f"{self.name} does not list the imported certificate")
         return result
 
     async def _import_interface(self, session: api.Session) -> str:
@@ -259,7 +267,7 @@ class RouterImport:
                     return stale[-1]
                 await asyncio.sleep(_PAUSE_S)
         raise DeviceError(
-            f"{self.name} has imported the configuration, and shows no interface of it",
+            f"{self.name} imported the configuration but shows no interface for it",
             hint='on the router: `/log print where topics~"ovpn"`',
         )
 
@@ -298,7 +306,7 @@ class RouterImport:
 
 
 _REPLACEMENT_NOTE = (
-    "rows that named the former interface (lists, routes) have lost it: type `provision site={site}` when this is done"
+    "rows that named the former interface (lists, routes) no longer do: type `provision site={site}` when this is done"
 )
 
 
@@ -319,7 +327,7 @@ async def _do(session: api.Session, path: str, **arguments: str) -> None:
         (await session.command(api.Command(path, tuple(arguments.items())))).check()
     except api.CommandError as refused:
         raise DeviceError(
-            str(refused), hint="nothing of a key is left on it in a file; type the same again when the reason is gone"
+            str(refused), hint="no key file is left on it; run the same command again when the cause is fixed"
         ) from refused
 
 

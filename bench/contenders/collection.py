@@ -61,7 +61,7 @@ class Collection:
         (job.folder / "hosts.yml").write_text(yaml.safe_dump(hosts), encoding="utf-8")
         notes = [f"{len(tasks)} tasks; no safe mode, no reading back"]
         if left_out:
-            notes.append(f"its table of {_VERSION} lacks, so it does not do: {', '.join(left_out)}")
+            notes.append(f"its ARP table {_VERSION} lacks, so it does not do: {', '.join(left_out)}")
         words = ("-m", "ansible", "playbook", "-i", "hosts.yml", "play.yml")
         (job.folder / "ansible.cfg").write_text("[defaults]\n", encoding="utf-8")
         return Command((strangers.python(), *words), {"ANSIBLE_CONFIG": "ansible.cfg"}, tuple(notes))

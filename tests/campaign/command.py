@@ -25,7 +25,7 @@ ANSWERS = 12
 _POLL_S = 0.02
 _REMINDER = b"  still at work, "
 """How `provision` begins what it says while it waits (`cli/base/output.py`)."""
-_NO_RESULT = ("not handled yet", "SKIP")
+_NO_RESULT = ("not supported yet", "SKIP")
 _EXEMPT = (signal.SIGKILL, signal.SIGSTOP)
 """Who was struck by these cannot speak."""
 
@@ -79,7 +79,7 @@ class Ended:
     @property
     def changed_nothing(self) -> bool:
         """An upgrade to what runs already, which is no run."""
-        return self.told.get("status") == "unchanged" or "already so: RouterOS" in self.out
+        return self.told.get("status") == "unchanged" or "unchanged: RouterOS" in self.out
 
     @property
     def results(self) -> Collection[str]:

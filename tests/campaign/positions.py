@@ -175,18 +175,21 @@ def _tagged(lines: bytes, tag: str) -> bytes:
 
 
 STYLES: Mapping[str, tuple[Callable[[Epoch], bytes], frozenset[str]]] = {
-    "u-blox": (_ublox, frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time"})),
+    "u-blox": (
+        _ublox,
+        frozenset({"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "void", "time"}),
+    ),
     "garmin": (
         lambda e: _rmc("GP", e) + _gga("GP", e) + _gsa("GP", e) + _gll("GP", e),
-        frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time"}),
+        frozenset({"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "void", "time"}),
     ),
     "sirf": (
         lambda e: _gga("GP", e) + _gsa("GP", e) + _rmc("GP", e, lettered=False),
-        frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time"}),
+        frozenset({"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "void", "time"}),
     ),
     "GLONASS without a fix": (
         lambda e: _gga("GP", e) + _rmc("GP", e) + _gsa("GP", e) + _gsa("GL", e, 1),
-        frozenset({"date", "speed", "count", "nature", "void", "time", "dimensions"}),
+        frozenset({"date", "speed", "count", "nature", "void", "time", "wait under an open sky for a 3D fix"}),
     ),
     "RMC alone": (lambda e: _rmc("GP", e), frozenset({"date", "speed", "nature", "void", "time"})),
     "GLL alone": (lambda e: _gll("GP", e), frozenset({"nature", "void", "time"})),
@@ -195,7 +198,9 @@ STYLES: Mapping[str, tuple[Callable[[Epoch], bytes], frozenset[str]]] = {
     "GNS": (lambda e: _gns("GN", e) + _rmc("GN", e), frozenset({"date", "speed", "count", "nature", "void", "time"})),
     "multiplexer": (
         lambda e: _tagged(_ublox(e), "s:GP0001"),
-        frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time", "sources"}),
+        frozenset(
+            {"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "void", "time", "sources"}
+        ),
     ),
 }
 """How a receiver speaks, and what of an epoch it tells."""
@@ -224,7 +229,7 @@ def _objects(*objects: dict[str, Any]) -> bytes:
 
 
 VERSIONS = ("3.17", "3.22", "3.25")
-GPSD_TELLS = frozenset({"date", "speed", "count", "nature", "dimensions", "time", "sources"})
+GPSD_TELLS = frozenset({"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "time", "sources"})
 
 
 def stream(ridden: Ride) -> Stream:
@@ -383,7 +388,7 @@ RIDES: Mapping[str, tuple[frozenset[str], Callable[[Random, Ride], Ride]]] = {
         lambda rng, one: _all(one, hdop=rng.choice((120.0, 99.99 * 2))),
     ),
     "two dimensions in the air": (
-        frozenset({"dimensions"}),
+        frozenset({"wait under an open sky for a 3D fix"}),
         lambda _, one: replace(_all(one, dimensions=2), flies=True),
     ),
     "half-answered": (frozenset(), lambda rng, one: replace(one, cut=rng.randrange(3))),
@@ -430,7 +435,7 @@ def _unheard(rng: Random, heard: Stream) -> Stream:
 STREAMS: Mapping[str, Callable[[Random, Stream], Stream]] = {
     "damaged": _spoilt,
     "another service": _foreign,
-    "not heard": _unheard,
+    "` received at": _unheard,
 }
 """Lies that need no receiver."""
 
@@ -451,7 +456,7 @@ def row(ridden: Ride) -> dict[str, str]:
     return {**told, "data-age": f"{age_s:.0f}s"}
 
 
-ROUTEROS_TELLS = frozenset({"date", "count", "nature", "dimensions", "time", "void"})
+ROUTEROS_TELLS = frozenset({"date", "count", "nature", "wait under an open sky for a 3D fix", "time", "void"})
 NO_STREAM = frozenset(
     {
         *("frozen", "position frozen, speed goes on", "replayed, another pace", "replayed, in a loop", "half-answered"),
@@ -702,7 +707,7 @@ FIXES: Mapping[str, tuple[frozenset[str], Callable[[Random, Modem], Modem]]] = {
     "measured long ago": (EVOLOGICS, lambda rng, one: _delayed(one, rng.choice((rng.uniform(12, 90), 8004.0)))),
     "measured in the future": (EVOLOGICS, lambda rng, one: _delayed(one, -rng.uniform(1, 5000))),
     "a log of another day": (EVOLOGICS, _another_day),
-    "kept back": (
+    "delayed fixes arrive all at once": (
         EVOLOGICS,
         lambda _, one: replace(one, at_once=True, fixes=tuple(_stretched(one.fixes)), ended_s=1.0),
     ),

@@ -368,7 +368,9 @@ class Player:
         for host, status in said.items():
             if not pictures[host].error and not _is_as_promised(pictures[host], table, words):
                 gap = _gap(pictures[host], table)
-                table.wrong(f"{status} and not as declared: {host} after `{words}` ended with {ended.code}: {gap}")
+                table.wrong(
+                    f"{status} and not as in the inventory: {host} after `{words}` ended with {ended.code}: {gap}"
+                )
 
     def _look(self, table: Table) -> Pictures:
         """Read all devices; one that has just lost its power has the time to boot."""
@@ -391,7 +393,7 @@ class Player:
             if picture.error:
                 table.wrong(f"green and out of reach: {host} after `{words}`: {picture.error}")
             elif not _is_as_promised(picture, table, words):
-                table.wrong(f"green and not as declared: {host} after `{words}`: {_gap(picture, table)}")
+                table.wrong(f"green and not as in the inventory: {host} after `{words}`: {_gap(picture, table)}")
             for left in set(picture.armed) - set(table.target[host].armed):
                 table.wrong(f"green and left behind: {host} after `{words}`: {left}")
 
@@ -407,7 +409,7 @@ class Player:
             if not changes and not before:
                 table.wrong(f"at the end changed by a command that only reads: {host}: {_gap(picture, table)}")
             elif changes and table.green and not target:
-                table.wrong(f"at the end not as declared: {host}: {_gap(picture, table)}")
+                table.wrong(f"at the end not as in the inventory: {host}: {_gap(picture, table)}")
             elif not before and not target:
                 table.wrong(f"at the end between: {host}: {_gap(picture, table)}")
             for left in picture.armed:

@@ -174,8 +174,10 @@ def ping_lies(address: str, count: int) -> dict[str, Callable[[Random, dict[str,
         "answers come twice": doubled,
         "the ping was cut short": short,
         "the ping's words were cut": cut,
-        "nobody answers": silent,
-        "another address answers": rewritten("ping", f"from {re.escape(address)}:", *(f"from {a}:" for a in STRANGERS)),
+        "no response": silent,
+        "another address responses": rewritten(
+            "ping", f"from {re.escape(address)}:", *(f"from {a}:" for a in STRANGERS)
+        ),
         "another address was asked": rewritten("ping", re.escape(address), *STRANGERS),
         "answers are damaged": rewritten(
             "ping", "icmp_seq=1 ", "icmp_seq=1 wrong data byte #16 ", "icmp_seq=1 BAD CHECKSUM! "

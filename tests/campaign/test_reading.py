@@ -18,20 +18,20 @@ from campaign.judge import Picture
 FILTER = "ip/firewall/filter"
 
 
-CTRL_C = """error: stopped by Ctrl-C; what a device kept is not known here
-       `provision report runs` shows what was confirmed, and how a run that is unfinished goes on
+CTRL_C = """error: interrupted by Ctrl-C; the state of the devices is unknown
+       `provision report runs` shows what was confirmed, and how to continue an unfinished run
 """
 BUSY = """  scc-cpe            another run changes this bridge
                      wait until it has ended; if it has died:  provision recover resume
 """
-OPEN = """  coastal-router     nothing was changed: stopped by hand (6 round trips, 68.0 kB, 0.2 s)
+OPEN = """  coastal-router     nothing was changed: interrupted by the user (6 round trips, 68.0 kB, 0.2 s)
                      what is in safe mode the device takes back by itself; then:  provision recover resume site=coastal
-                     run=1 drift: not declared, and not ours: left as it is
+                     run=1 drift: not in the inventory, and not ours: left unchanged
 """
-TYPED_BEFORE = """error: run 1 has left nothing open on any device
+TYPED_BEFORE = """error: run 1 has left nothing pending on any device
        type its command again:  provision site=coastal device=scc-cpe inventory=/srv/pilot
 """
-HELP = "       `provision recover resume --help` lists what it takes"
+HELP = "       `provision recover resume --help` lists its arguments and options"
 SAVED = """plan      1 row to add
 next      provision plan apply /srv/saved.plan inventory=/srv/pilot
 """
@@ -47,7 +47,7 @@ ONE_HOST = "  wait for ten minutes, then:  provision report drift site=coastal d
         (ONE_HOST, ("report", "drift", "site=coastal", "device=scc-cpe"), True),
         (OPEN, ("recover", "resume", "site=coastal", "run=1"), True),
         (TYPED_BEFORE, ("site=coastal", "device=scc-cpe"), False),
-        ("  make room on the disk, then run the same command again", None, False),
+        ("  free disk space on the disk, then run the same command again", None, False),
     ],
 )
 def test_last_actionable_command_is_the_advice(
@@ -61,7 +61,7 @@ def test_last_actionable_command_is_the_advice(
 
 
 @pytest.mark.parametrize(
-    "output", ["", "  coastal-router  already so\n", "       `provision report runs` lists all of them", CTRL_C, HELP]
+    "output", ["", "  coastal-router  unchanged\n", "       `provision report runs` lists all runs", CTRL_C, HELP]
 )
 def test_informational_output_gives_no_advice(output: str) -> None:
     assert advice.read(output, "coastal") is None
@@ -86,14 +86,21 @@ def test_leftovers_of_a_run_are_detected() -> None:
         "router",
         {
             "system/scheduler": jobs,
-            "safe-mode": [{"enabled": True, "owner": "api:provision@10.0.0.2"}],
+            "safe mode and a scheduler job": [{"enabled": True, "owner": "api:provision@10.0.0.2"}],
             "ip/firewall/address-list": [{"list": "atlantis-run", "comment": "run 1"}],
         },
     )
     assert left.armed == ["job atlantis-pair", "marker run 1", "safe mode is held by api:provision@10.0.0.2"]
     assert picture(safe_mode=[{"enabled": False}]).armed == []
-    assert Picture("router", {"safe-mode": [{"enabled": True, "owner": "api:colleague@10.0.0.2"}]}).armed == []
-    assert Picture("router", {"safe-mode": [{"enabled": True}]}).armed == ["safe mode is held by somebody"]
+    assert (
+        Picture(
+            "router", {"safe mode and a scheduler job": [{"enabled": True, "owner": "api:colleague@10.0.0.2"}]}
+        ).armed
+        == []
+    )
+    assert Picture("router", {"safe mode and a scheduler job": [{"enabled": True}]}).armed == [
+        "safe mode is held by somebody"
+    ]
 
 
 def test_seed_determines_the_round() -> None:
@@ -138,8 +145,9 @@ def test_reminder_resets_the_quiet_timer_but_not_the_idle_timer(tmp_path: Path) 
     assert command.idle_s > command.quiet_s
 
 
-LOST = """  coastal-router     nothing was changed: its certificate is not known here
-                     `provision device trust site=coastal` on a terminal shows who answers, and asks you; or declare it
+LOST = """  coastal-router     nothing was changed: its certificate is unknown here
+                     `provision device trust site=coastal` on a terminal shows who responses, and asks you; or set it in
+                     the inventory
 """
 
 

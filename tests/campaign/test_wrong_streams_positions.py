@@ -148,7 +148,7 @@ LIARS: Mapping[str, tuple[Mapping[str, object], Callable[[str, Random], ProbeRes
     "gpsd": (positions.RIDES, gpsd_lie),
     "routeros": (positions.RIDES, routeros_lie),
     "streams": (positions.STREAMS, stream_lie),
-    "modem streams": ({lie: positions.STREAMS[lie] for lie in ("another service", "not heard")}, modem_stream_lie),
+    "modem streams": ({lie: positions.STREAMS[lie] for lie in ("another service", "` received at")}, modem_stream_lie),
     "usbl evologics": (positions.FIXES, modem_lie("usbl", "evologics")),
     "usbl seatrac": (positions.FIXES, modem_lie("usbl", "seatrac")),
     "acoustic evologics": (positions.STATES, modem_lie("acoustic", "evologics")),
@@ -270,7 +270,7 @@ def _when_and_where(found: re.Match[bytes]) -> tuple[float, float, float]:
 RECORDED_LIES: Mapping[str, Callable[[Stream], Stream]] = {
     "of an hour ago": lambda one: replace(one, began=one.began + 3700),
     "of two days ago": lambda one: replace(one, began=one.began + 2 * 86_400),
-    "of the future": lambda one: replace(one, began=one.began - 500),
+    "is dated in the future:": lambda one: replace(one, began=one.began - 500),
     "one epoch again and again": lambda one: replace(one, chunks=tuple((at, one.chunks[0][1]) for at, _ in one.chunks)),
     "in a loop": lambda one: replace(
         one, chunks=tuple((at, one.chunks[n % 3][1]) for n, (at, _) in enumerate(one.chunks))

@@ -332,7 +332,7 @@ OWN: Mapping[str, Mapping[str, Lie]] = {
             "alerts", -1, *({"interface": "bridge-lan", "unknown-server": f"02:00:5E:00:09:{n:02X}"} for n in range(40))
         ),
     },
-    "rogue-router": {"a router answers": router_heard, "not asked": not_given("routers")},
+    "rogue-router": {"a router responses": router_heard, "not asked": not_given("routers")},
     "duplicate-addresses": {
         "another card at a reserved address": another_card,
         "a second card": seen_too(lambda r: f"10.64.1.2{r.randrange(3, 5)}", senders.card),
@@ -387,7 +387,7 @@ OWN: Mapping[str, Mapping[str, Lie]] = {
         "garbled": garbled("router", "gateway"),
     },
     "factory-defaults": {
-        "somebody answers ARP": lambda random, told: told[
+        "somebody responses ARP": lambda random, told: told[
             random.choice([name for name in told if name.startswith("ping ")])
         ].update(rows=({"sent": "2", "received": random.choice(("1", "2"))},)),
         "a neighbour": seen_too(
@@ -508,7 +508,7 @@ def other_way(address: str) -> Lie:
 
 CABLE: Mapping[str, Lie] = {
     **ping_lies(ROV, 20),
-    "another way": other_way(ROV),
+    "another path": other_way(ROV),
     "another card": rewritten("neigh", ROV_CARD.lower(), *(f"02:00:5e:00:09:{number:02x}" for number in range(40))),
     "no card": rewritten("neigh", r"(?s).*\S.*", "[]\n", '[{"dst":"10.64.1.26","state":["FAILED"]}]\n', "?"),
     "the card of another address": rewritten("neigh", r"10\.64\.1\.26", *STRANGERS),
@@ -551,7 +551,7 @@ def unheard(random: Random, told: dict[str, Told]) -> None:
 
 ASSOCIATION: Mapping[str, Lie] = {
     **ping_lies(SPARUS, 20),
-    "another way": rewritten("route", "wlan1", "lo", "eth0", "tun0", "wlan0"),
+    "another path": rewritten("route", "wlan1", "lo", "eth0", "tun0", "wlan0"),
     "not associated": rewritten("link", r"(?s).*\S.*", "Not connected.\n", "", "?"),
     "another name": rewritten("link", "EXAMPLE-SPARUS", "EXAMPLE-MARES", "EXAMPLE-SPARUS2", "guest", "example-sparus"),
     "another radio": rewritten(
@@ -665,7 +665,7 @@ UP: Mapping[str, Lie] = {
 }
 TERMINAL: Mapping[str, Lie] = {
     "no link": link_changed(port_link=("down", None, "?", "")),
-    "not heard": link_changed(next_hop_seen=("no", None, "", "?")),
+    "` received at": link_changed(next_hop_seen=("no", None, "", "?")),
     "a complaint": complaint,
     "half an answer": emptied,
     "not asked": not_given("look"),

@@ -561,9 +561,9 @@ class Step:
     def __post_init__(self) -> None:
         """Check that the fields fit the kind: automatic, active or by a person."""
         if not self.unless and (self.kind is report.ItemKind.PERSON) != (self.probe is None):
-            raise ValueError(f"step `{self.title}`: a person's step has no probe, every other one has")
+            raise ValueError(f"step `{self.title}`: a person's step must have no probe, every other step must have one")
         if (self.kind is report.ItemKind.ACTIVE) != (self.consent is not None):
-            raise ValueError(f"step `{self.title}`: consent is asked for active steps, and for all of them")
+            raise ValueError(f"step `{self.title}`: active steps, and only these, need consent")
 
 
 SITE = "site"
@@ -677,9 +677,9 @@ _PACKAGES = {"ping": "iputils-ping", "ip": "iproute2"}
 
 def no_answer_finding(who: str, answer: Answer | None) -> LinkFinding:
     """Return the finding for a request that could not be sent to `who`; it never fails, as nothing is known."""
-    words = getattr(answer, "words", "") or "it does not answer"
-    hint = f"make {who} reachable first, then ask again"
-    return LinkFinding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be asked: {words}", hint)
+    words = getattr(answer, "words", "") or "no response"
+    hint = f"make {who} reachable, then check again"
+    return LinkFinding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be queried: {words}", hint)
 
 
 def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[LinkFinding]:
@@ -688,11 +688,11 @@ def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[LinkFind
     if not isinstance(ran, CommandResult):
         yield no_answer_finding(where, ran)
     elif ran.trouble is Trouble.MISSING:
-        hint = f"on it: sudo apt install {_PACKAGES.get(program, program)}"
+        hint = f"install it there: sudo apt install {_PACKAGES.get(program, program)}"
         yield LinkFinding(Verdict.INCONCLUSIVE, "program-missing", f"{where} has no program `{program}`", hint)
     elif ran.trouble is Trouble.SILENT:
-        hint = f"look whether {where} is overloaded, then ask again"
-        message = f"`{program}` did not come to an end in time on {where}"
+        hint = f"check whether {where} is overloaded, then check again"
+        message = f"`{program}` timed out on {where}"
         yield LinkFinding(Verdict.INCONCLUSIVE, "program-slow", message, hint)
     elif ran.trouble is not None:
         yield no_answer_finding(where, ran)

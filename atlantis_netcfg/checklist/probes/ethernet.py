@@ -39,8 +39,8 @@ _COUNTERS = ("name", "default-name", "running", "disabled", "rx-error", "tx-erro
 _TRUE = frozenset({"true", "yes"})
 _SLOW = frozenset({"10Mbps"})
 """Link rates that a cable with a broken pair, or an end set by hand, falls back to."""
-_PORT_VALUES = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "frames received broken"))
-_MORE = (("tx-error", "frames not sent"), ("link-downs", "times that the link was lost"))
+_PORT_VALUES = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "receive errors"))
+_MORE = (("tx-error", "transmit errors"), ("link-downs", "link losses"))
 
 
 def port_requests(router: str, port: str) -> tuple[base.RouterOsQuery, ...]:
@@ -62,13 +62,13 @@ def judge_port(router: str, port: str, results: Mapping[str, base.Answer]) -> ba
     interface = None if interfaces is None else next((row for row in interfaces if row.get("name") == port), None)
     socket = next((row for row in interfaces or () if row.get("default-name") == port), None)
     if (socket or {}).get("name", port) != port or (interface or {}).get("default-name", port) != port:
-        problem = f"is called {socket['name']} there" if socket is not None else "is another socket there"
-        message = f"port {port} of {router} {problem}, so that what is told under that name is not about it"
-        hint = "run the site, which gives ports their names back"
+        problem = f"is named {socket['name']} there" if socket is not None else "is another socket there"
+        message = f"port {port} of {router} {problem}, so the values under that name are not about it"
+        hint = "apply the site's configuration, which restores the port names"
         return base.ProbeResult((LinkFinding(Verdict.FAIL, "port-renamed", message, hint),))
     if interfaces is not None and interface is None:
         message = f"{router} has no port {port}"
-        hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"
+        hint = "correct `endpoints.ethernet.router_port`: use the router's own port name"
         return base.ProbeResult((LinkFinding(Verdict.FAIL, "no-port", message, hint),))
     local = [row for row in monitor or () if row.get("name", port) == port]
     values = {**(interface or {}), **(local[0] if local else {})}
@@ -77,18 +77,18 @@ def judge_port(router: str, port: str, results: Mapping[str, base.Answer]) -> ba
 
 def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[LinkFinding]:
     if values.get("disabled") in _TRUE:
-        hint = "run the site to enable it, or look who has disabled it"
-        yield LinkFinding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is switched off", hint)
+        hint = "apply the site's configuration to enable it, or find out who disabled it"
+        yield LinkFinding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is disabled", hint)
         return
     status = values.get("status") or {"true": "link-ok", "false": "no-link"}.get(values.get("running", ""), "")
     if status == "no-link":
-        hint = "is the cable plugged in at both ends, and is the other end switched on?"
+        hint = "check that the cable is plugged in at both ends and that the other end is switched on"
         yield LinkFinding(Verdict.FAIL, "port-down", f"port {port} of {router} has no link", hint)
         return
     if status != "link-ok":
         text = f"`{status}`" if status else "nothing"
-        message = f"{router} says {text} of the link of port {port}"
-        yield LinkFinding(Verdict.INCONCLUSIVE, "port-unknown", message, "look at the lamps of the port")
+        message = f"{router} reports {text} for the link of port {port}"
+        yield LinkFinding(Verdict.INCONCLUSIVE, "port-unknown", message, "check the LEDs of the port")
         return
     rate = values.get("rate")
     yield LinkFinding(Verdict.PASS, "link", f"port {port} of {router} has a link{f' of {rate}' if rate else ''}")
@@ -96,16 +96,18 @@ def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[Lin
 
 
 def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[LinkFinding]:
-    hint = "change the cable, and set both ends to negotiate the rate themselves"
+    hint = "replace the cable, and set both ends to auto-negotiation"
     if values.get("rate") in _SLOW:
-        yield LinkFinding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at {values['rate']} only", hint)
+        yield LinkFinding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at only {values['rate']}", hint)
     if values.get("full-duplex") in {"false", "no"}:
         yield LinkFinding(Verdict.WARN, "half-duplex", f"port {port} of {router} runs in half duplex", hint)
-    for name, words in (("rx-error", "received broken"), ("tx-error", "not sent")):
+    for name, words in (("rx-error", "received with errors"), ("tx-error", "not sent")):
         count = values.get(name, "")
         if count.isdecimal() and int(count):
-            message = f"port {port} of {router} has counted {count} frames {words} since it was started"
-            yield LinkFinding(Verdict.WARN, f"{name}s", message, "change the cable, then look whether the number grows")
+            message = f"port {port} of {router} has counted {count} frames {words} since it started"
+            yield LinkFinding(
+                Verdict.WARN, f"{name}s", message, "replace the cable, then check whether the number grows"
+            )
 
 
 def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[report.Evidence, ...]:
@@ -159,21 +161,21 @@ class CabledProbe:
 
     def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         if self.address is None:
-            message = f"no address of {self.name} is known here: it was not asked whether it answers"
-            hint = "reserve one in `site.lan.reservations`, or write `endpoints.ethernet.address`"
+            message = f"no address of {self.name} is known: it was not pinged"
+            hint = "reserve one in `site.lan.reservations`, or set `endpoints.ethernet.address`"
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         if way is None and not tuple(base.not_run(self.place, "ip", results.get("route"))):
             message = f"{base.PLACES[self.place]} has no route to {self.name} ({self.address})"
-            hint = "is its cable plugged in, and has it an address of the site's LAN? On it: ip -br addr"
+            hint = "check its cable, and that it has an address of the site's LAN; on it: ip -br addr"
             return base.ProbeResult((LinkFinding(Verdict.FAIL, "no-route", message, hint),))
         if local := tuple(own_address(self.place, self.name, self.address, way)):
             return base.ProbeResult(local)
         target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
         ping_result = judge_ping(target, results.get("ping"))
         card = read_neighbour(results.get("neigh"), self.address)
-        route_evidence = () if way is None else (base.read(f"way from {base.PLACES[self.place]}", way.interface),)
-        card_evidence = () if card is None else (base.read(f"network card that answers for {self.address}", card),)
+        route_evidence = () if way is None else (base.read(f"route from {base.PLACES[self.place]}", way.interface),)
+        card_evidence = () if card is None else (base.read(f"network card that responds for {self.address}", card),)
         whose = tuple(self._cards(card, way)) if ping_result.verdict in {Verdict.PASS, Verdict.WARN} else ()
         return base.ProbeResult(
             (*ping_result.findings, *whose), (*ping_result.evidence, *route_evidence, *card_evidence)
@@ -182,20 +184,20 @@ class CabledProbe:
     def _cards(self, card: str | None, way: NeighbourRoute | None) -> Iterator[LinkFinding]:
         """Yield findings about the network card that responded; behind a router it cannot be seen."""
         if self.place is base.Place.GATEWAY and way is not None and way.by is not None:
-            message = f"packets to {self.name} ({self.address}) leave by way of {way.by}: it is not on the site's cable"
-            hint = "plug it into a port of the site's LAN, with an address of the LAN; or correct `endpoints.ethernet`"
+            message = f"packets to {self.name} ({self.address}) leave through {way.by}: it is not on the site's cable"
+            hint = "connect it to a port of the site's LAN, with an address of the LAN; or correct `endpoints.ethernet`"
             yield LinkFinding(Verdict.FAIL, "not-on-the-cable", message, hint)
         elif self.mac is None:
-            message = f"nothing tells whether it is {self.name} that answers at {self.address}"
-            hint = "declare `endpoints.ethernet.mac`, or reserve its address in `site.lan.reservations`"
+            message = f"cannot tell whether it is {self.name} that responds at {self.address}"
+            hint = "set `endpoints.ethernet.mac`, or reserve its address in `site.lan.reservations`"
             yield LinkFinding(Verdict.WARN, "whose-unknown", message, hint)
         elif card is None:
-            message = f"{base.PLACES[self.place]} does not tell which network card answers for {self.address}"
-            hint = "ask from a computer in the site's LAN, or unplug the cable and see that the pings end"
+            message = f"{base.PLACES[self.place]} does not show which network card responds for {self.address}"
+            hint = "check from a computer in the site's LAN, or unplug the cable and see that the pings stop"
             yield LinkFinding(Verdict.INCONCLUSIVE, "card-unseen", message, hint)
         elif card != self.mac:
-            message = f"{card} answers for {self.address}, and the network card of {self.name} is {self.mac}"
-            hint = "two devices have this address, or the card was exchanged: unplug it and ping again"
+            message = f"{card} responds for {self.address}, but the network card of {self.name} is {self.mac}"
+            hint = "two devices have this address, or the card was replaced: unplug it and ping again"
             yield LinkFinding(Verdict.FAIL, "other-card", message, hint)
 
 
@@ -225,7 +227,7 @@ def _cable_step(cell: base.Cell, endpoint: EthernetEndpoint, name: str) -> base.
     )
     return base.Step(
         name=name,
-        title=f"{cell.name} answers on the site's cable without loss",
+        title=f"{cell.name} responds on the site's cable without loss",
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.BENCH,
         probe=probe,
@@ -240,5 +242,5 @@ def _manual_step(cell: base.Cell) -> base.Step:
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
         do=f"Plug {cell.name} into a LAN port of the site, and ping the gateway from it twenty times.",
-        look_for="The lamps of both ends are lit, and all pings are answered.",
+        look_for="The LEDs of both ends are lit, and all pings get a response.",
     )

@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model.robot import RobotFile
 
 _TOPICS: Mapping[TopicKind, tuple[str, str]] = {
-    TopicKind.BOOLEAN: ("booleans", "Its booleans are heard, as they should be"),
-    TopicKind.NUMBER: ("numbers", "Its numbers are heard, as they should be"),
-    TopicKind.POSE: ("pose", "Its pose is heard, as it should be, and moves"),
-    TopicKind.GPS: ("gps", "Its position is heard, as it should be, and moves"),
-    TopicKind.IMAGE: ("images", "Its images are heard, as they should be"),
-    TopicKind.POINT_CLOUD: ("point-clouds", "Its point clouds are heard, as they should be"),
+    TopicKind.BOOLEAN: ("booleans", "Its booleans arrive as expected"),
+    TopicKind.NUMBER: ("numbers", "Its numbers arrive as expected"),
+    TopicKind.POSE: ("pose", "Its pose arrives as expected, and changes"),
+    TopicKind.GPS: ("gps", "Its position arrives as expected, and changes"),
+    TopicKind.IMAGE: ("images", "Its images arrive as expected"),
+    TopicKind.POINT_CLOUD: ("point-clouds", "Its point clouds arrive as expected"),
 }
 
 
@@ -60,17 +60,17 @@ def _robot_steps(cell: base.Cell, robot: RobotFile) -> Iterator[base.Step]:
     if robot.video:
         yield _manual_step(
             "video",
-            "Its video is seen at the control centre",
-            "Open every video of the robot on the screen of an operator.",
-            "Each shows what its camera sees now: something that is moved before it moves on the screen.",
+            "Its video is shown at the control centre",
+            "Open every video of the robot on an operator's screen.",
+            "Each shows the live image of its camera: what moves in front of it also moves on the screen.",
         )
     yield from _BY_PEOPLE
     if any(True for _ in robot.every_command()):
         yield _manual_step(
             "commands",
             "Its commands are carried out",
-            "Give each command of the robot once from the screen of an operator, in a place where it may move.",
-            "The robot does what the command says, and its result is shown. The note says which were given.",
+            "Give each command of the robot once from an operator's screen, in a place where it may move.",
+            "The robot does what the command says, and its result is shown. Note which commands were given.",
         )
 
 
@@ -89,26 +89,26 @@ def _manual_step(name: str, title: str, do: str, look_for: str) -> base.Step:
 _BY_PEOPLE = (
     _manual_step(
         "ros1-bridge",
-        "Its topics come over the bridge from ROS 1",
-        "Of a robot of ROS 1: start the bridge, and look at its topics in ROS 2. Of a robot of ROS 2: skip this.",
-        "What the robot publishes in ROS 1 is seen in ROS 2. The note says by which bridge.",
+        "Its topics arrive over the bridge from ROS 1",
+        "For a ROS 1 robot: start the bridge, and check its topics in ROS 2. For a ROS 2 robot: skip this item.",
+        "The topics that the robot publishes in ROS 1 are seen in ROS 2. Note the bridge.",
     ),
     _manual_step(
         "bag-record",
         "A bag of its telemetry and configuration is recorded",
-        "Record its topics and its configuration on the robot while it moves, for a minute.",
-        "The bag holds messages of each topic. The note says where it is, and how many messages it has.",
+        "Record its topics and its configuration on the robot for a minute, while it moves.",
+        "The bag holds messages of each topic. Note where it is, and how many messages it has.",
     ),
     _manual_step(
         "bag-replay",
         "The bag is replayed to the control centre",
         "Play the bag at the control centre, with the robot switched off.",
-        "The robot is discovered from it, and its telemetry is shown. The note says from which bag.",
+        "The robot is discovered from it, and its telemetry is shown. Note which bag was used.",
     ),
     _manual_step(
         "plan",
         "A mission plan is sent, and its execution is followed",
-        "Send a plan from the screen of an operator, in a place where the robot may move. This program sends none.",
-        "Its steps are shown as they are carried out, and it ends. The note says which plan.",
+        "Send a plan from an operator's screen, in a place where the robot may move. This program sends none.",
+        "Its steps are shown as they are carried out, and it ends. Note which plan.",
     ),
 )

@@ -92,7 +92,7 @@ class ExpectedLine:
             )
         if ran.rc != 0:
             return base.ProbeResult((self._exit_finding(where, ran),), (*evidence, *self._line_evidence(line)))
-        message = f"`{self.command}` prints on {where} what is declared"
+        message = f"`{self.command}` prints the expected line on {where}"
         return base.ProbeResult(
             (LinkFinding(Verdict.PASS, "line-found", message),), (*evidence, *self._line_evidence(line))
         )
@@ -103,12 +103,12 @@ class ExpectedLine:
         return (base.read(f"line of `{self.command}`", line[:_LONGEST]),)
 
     def _missing_line_finding(self, where: str, ran: base.CommandResult) -> LinkFinding:
-        message = f"`{self.command}` prints on {where} no line `{self.expect}`"
+        message = f"`{self.command}` does not print on {where} the line `{self.expect}`"
         if ran.rc != 0:
-            message += f"; it ended with {ran.rc}"
-        hint = f"type `{self.command}` on {where} and look; mend it, or correct `expect:` of the item"
+            message += f"; exit code {ran.rc}"
+        hint = f"run `{self.command}` on {where}; fix the cause, or correct `expect:` of the item"
         return LinkFinding(Verdict.FAIL, "line-missing", message, hint)
 
     def _exit_finding(self, where: str, ran: base.CommandResult) -> LinkFinding:
-        message = f"`{self.command}` prints on {where} what is declared, but it ended with {ran.rc}"
-        return LinkFinding(Verdict.INCONCLUSIVE, "program-failed", message, f"type it on {where} and look")
+        message = f"`{self.command}` prints the expected line on {where}, but its exit code is {ran.rc}"
+        return LinkFinding(Verdict.INCONCLUSIVE, "program-failed", message, f"run it on {where} and check the output")

@@ -29,7 +29,7 @@ _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mb
 """End of a reading's name -> unit; longest first where one ends like another."""
 _ALL = 100
 """Percent of loss at which nothing arrives."""
-_HINT = "look at the box of this link, then ask again"
+_HINT = "check the device of this link, then check again"
 """Used if a finding has no hint of its own."""
 
 
@@ -54,12 +54,12 @@ def passing_finding(values: Mapping[str, Any]) -> LinkFinding | None:
     quality = values.get("quality") or {}
     loss = quality.get("loss_percent")
     if not isinstance(loss, int | float) or loss >= _ALL:
-        hint = "declare `canaries` of the link, and look whether its router may send pings; then ask again"
+        hint = "set `canaries` of the link, and check whether its router may send pings; then check again"
         return LinkFinding(
-            Verdict.INCONCLUSIVE, "not-tried", "its box says that it is up, and nothing was seen to pass", hint
+            Verdict.INCONCLUSIVE, "not-tried", "its device reports it as up, but no traffic was seen", hint
         )
-    after = "" if quality.get("rtt_ms") is None else f", a round trip over it takes {quality['rtt_ms']:g} ms"
-    level = "" if quality.get("signal_dbm") is None else f", heard with {quality['signal_dbm']:g} dBm"
+    after = "" if quality.get("rtt_ms") is None else f", round trip {quality['rtt_ms']:g} ms"
+    level = "" if quality.get("signal_dbm") is None else f", signal {quality['signal_dbm']:g} dBm"
     return LinkFinding(Verdict.PASS, "up", f"the link is up{after}{level}")
 
 
@@ -79,7 +79,7 @@ class LinkProbe:
         """Take over the findings of the link."""
         answer = results.get("look")
         if not isinstance(answer, base.LinkStatusResult) or answer.trouble is not None or answer.link is None:
-            return base.ProbeResult((base.no_answer_finding(f"the boxes of {self.link}", answer),))
+            return base.ProbeResult((base.no_answer_finding(f"the devices of {self.link}", answer),))
         values = answer.link
         findings = tuple(_findings(values))
         finding = self.good(values)
@@ -110,8 +110,8 @@ def link_steps(
 
 
 def _unknown_state_finding(link: str) -> LinkFinding:
-    hint = "look at its own box, then ask again"
-    return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", f"nobody says whether {link} works", hint)
+    hint = "check its own device, then check again"
+    return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", f"the state of {link} is unknown", hint)
 
 
 def _findings(values: Mapping[str, Any]) -> Iterator[LinkFinding]:
@@ -166,7 +166,7 @@ def _check_registration(values: Mapping[str, Any]) -> LinkFinding | None:
         return up
     words = f"{quality['registration']}".replace("_", " ")
     network = f" in {quality['operator']}" if quality.get("operator") else ""
-    return LinkFinding(up.verdict, up.code, f"{up.message}; the unit says: {words}{network}")
+    return LinkFinding(up.verdict, up.code, f"{up.message}; the unit reports: {words}{network}")
 
 
 def _lte_manual_step(cell: base.Cell) -> base.Step:
@@ -175,7 +175,9 @@ def _lte_manual_step(cell: base.Cell) -> base.Step:
         title=f"4G of {cell.name} works",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=f"Open the page of the 4G unit of {cell.name}, then load a page over it with every other link unplugged."
-        " Enter no PIN: three wrong ones lock the SIM.",
-        look_for="The unit is registered, at home or roaming as the SIM's contract has it, and the page loads.",
+        do=(
+            f"Open the page of the 4G unit of {cell.name}. Unplug every other link, then load a page over it. Enter "
+            "no PIN: three wrong ones lock the SIM."
+        ),
+        look_for="The unit is registered, at home or roaming as the SIM's contract allows, and the page loads.",
     )

@@ -90,8 +90,10 @@ def read_neighbour(answer: base.Answer | None, address: str) -> str | None:
 def own_address(place: base.Place, name: str, address: str, way: NeighbourRoute | None) -> Iterator[LinkFinding]:
     """Yield a finding if the address belongs to the probing computer, whose own replies prove nothing."""
     if way is not None and way.interface == _LOOPBACK:
-        message = f"{base.PLACES[place]} itself has the address of {name}, {address}: its pings never leave it"
-        hint = "take the address away there, or correct the one that is declared: `ip -br addr` shows them"
+        message = (
+            f"{base.PLACES[place]} itself has the address of {name}, {address}: its pings never leave the computer"
+        )
+        hint = "remove the address there, or correct it in the inventory: `ip -br addr` shows the addresses"
         yield LinkFinding(Verdict.FAIL, "own-address", message, hint)
 
 
@@ -180,7 +182,7 @@ def read_ping(out: str, address: str) -> Echoes | None:
         has_damage=any(word in out for word in _DAMAGE_WORDS),
         mean_ms=float(times[2]) if times else None,
         worst_ms=float(times[3]) if times else None,
-        refusal=f"{refusal[1]} says: {refusal[2]}" if refusal else None,
+        refusal=f"{refusal[1]} reports: {refusal[2]}" if refusal else None,
     )
 
 
@@ -194,20 +196,18 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
         lines = (answer.err or answer.out).strip().splitlines()
         why = f": {lines[0][:120]}" if lines else ""
         message = f"no ping was sent to {target.name} ({target.address}) from {base.PLACES[target.place]}{why}"
-        hint = f"type it by hand there: ping {target.address}"
+        hint = f"ping it manually from there: ping {target.address}"
         return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
     where = f"{target.name} from {base.PLACES[target.place]}"
-    evidence = [base.measured_evidence(f"pings answered by {where}", f"{echoes.received_count} of {echoes.sent_count}")]
+    evidence = [base.measured_evidence(f"ping replies from {where}", f"{echoes.received_count} of {echoes.sent_count}")]
     if echoes.mean_ms is not None and echoes.worst_ms is not None:
-        evidence.append(base.measured_evidence(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
-        evidence.append(base.measured_evidence(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
+        evidence.append(base.measured_evidence(f"mean round trip to {where}", echoes.mean_ms, "ms"))
+        evidence.append(base.measured_evidence(f"longest round trip to {where}", echoes.worst_ms, "ms"))
     who = f"{target.name} ({target.address})"
     strange = tuple(odd_answers(who, echoes))
     if echoes.sent_count < COUNT:
-        message = (
-            f"only {echoes.sent_count} of {COUNT} pings were sent to {who}, and {echoes.received_count} were answered"
-        )
-        hint = f"repeat the check; if it stays so, see who ends `ping` on {base.PLACES[target.place]}"
+        message = f"only {echoes.sent_count} of {COUNT} pings were sent to {who}; {echoes.received_count} got a reply"
+        hint = f"repeat the check; if nothing changes, find out what ends `ping` on {base.PLACES[target.place]}"
         cut = LinkFinding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
         return base.ProbeResult((cut, *strange), tuple(evidence))
     findings = (_loss(target, echoes), *_slow_findings(target, echoes))
@@ -218,17 +218,18 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
 def odd_answers(who: str, echoes: Echoes) -> Iterator[LinkFinding]:
     """Yield findings about suspicious replies, however many there are."""
     if echoes.others:
-        message = f"{echoes.others[0]} answers in place of {who}"
-        hint = "somebody on the way answers for others: look for a proxy, a captive portal, or a rule that redirects"
+        message = f"{echoes.others[0]} responds in place of {who}"
+        hint = "something on the path responds for others: check for a proxy, a captive portal, or a redirect rule"
         yield LinkFinding(Verdict.FAIL, "another-answers", message, hint)
     if echoes.has_damage:
-        message = f"answers of {who} came back damaged"
-        hint = "something on the way changes packets: look at cables, cards and drivers, then repeat the check"
+        message = f"replies from {who} came back corrupted"
+        hint = "something on the path changes packets: check cables, cards and drivers, then repeat the check"
         yield LinkFinding(Verdict.FAIL, "answers-damaged", message, hint)
     if echoes.twice:
         many = echoes.twice > MANY_TWICE * max(echoes.received_count, 1)
         message = (
-            f"{who} answers {echoes.received_count} of {echoes.sent_count} pings, and {echoes.twice} answers came twice"
+            f"{who} replied to {echoes.received_count} of {echoes.sent_count} pings, and {echoes.twice} "
+            "replies came twice"
         )
         hint = "two devices have this address, or the network has a loop: unplug it and ping again"
         yield LinkFinding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
@@ -238,23 +239,23 @@ def _loss(target: NeighbourPing, echoes: Echoes) -> LinkFinding:
     who = f"{target.name} ({target.address})"
     if not echoes.received_count:
         refusal_text = f"; {echoes.refusal}" if echoes.refusal else ""
-        hint = "is it switched on, with this address, and does it answer pings at all?"
+        hint = "check that it is switched on, has this address, and is allowed to reply to pings"
         return LinkFinding(
-            Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent_count} pings{refusal_text}", hint
+            Verdict.FAIL, "silent", f"{who} replied to none of {echoes.sent_count} pings{refusal_text}", hint
         )
-    message = f"{who} answers {echoes.received_count} of {echoes.sent_count} pings"
+    message = f"{who} replied to {echoes.received_count} of {echoes.sent_count} pings"
     loss = echoes.loss_percent
     if loss <= target.loss_percent:
         after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
         return LinkFinding(Verdict.PASS, "answers", message + after)
     verdict = Verdict.FAIL if loss >= target.fail_percent else Verdict.WARN
-    hint = "look for a bad connector, a weak signal, others on the channel, or two devices with this address"
-    return LinkFinding(verdict, "loss", f"{message}: {loss:g} % are lost, above {target.loss_percent:g} %", hint)
+    hint = "check for a bad connector, a weak signal, other users of the channel, or two devices with this address"
+    return LinkFinding(verdict, "loss", f"{message}: the loss of {loss:g} % exceeds {target.loss_percent:g} %", hint)
 
 
 def _slow_findings(target: NeighbourPing, echoes: Echoes) -> tuple[LinkFinding, ...]:
     if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
         return ()
-    message = f"{target.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
-    hint = "stop large transfers and look again; a Wi-Fi that saves power, or repeats its frames, is as slow"
+    message = f"{target.name} replies after {echoes.mean_ms:g} ms on average, above {SLOW_MS:g} ms"
+    hint = "stop large transfers and check again; Wi-Fi power saving or retransmissions also cause this"
     return (LinkFinding(Verdict.WARN, "slow", message, hint),)

@@ -79,8 +79,8 @@ def by_a_person(cell: base.Cell) -> base.Step:
         title=f"{title} of {cell.name} works",
         kind=ItemKind.PERSON,
         phase=_PHASES.get(cell.endpoint, Phase.BENCH),
-        do=f"Use {title} of {cell.name} as in the test that is planned; no probe of it is declared.",
-        look_for="What is sent arrives, in both directions where it has two.",
+        do=f"Use {title} of {cell.name} as in the planned test; the inventory has no probe for it.",
+        look_for="What is sent arrives, in both directions if it has two.",
     )
 
 
@@ -104,7 +104,7 @@ def find_refusal(listen: base.Listen, *, active: bool) -> str | None:
     `active`: the script belongs to an active step, and a person has consented. Nothing is sent to a UDP port.
     """
     if listen.say and listen.transport == "udp":
-        return "nothing is ever sent to a stream that arrives by UDP"
+        return "nothing is ever sent to a stream received by UDP"
     for say in listen.say:
         if any(plain.fullmatch(say.data) for plain in _PLAIN):
             continue

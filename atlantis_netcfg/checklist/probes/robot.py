@@ -50,11 +50,11 @@ _CODES: Mapping[RobotItem, tuple[str, ...]] = {
 ITEM_OF: Mapping[str, RobotItem] = {code: item for item, codes in _CODES.items() for code in codes}
 """Finding code -> item; telemetry findings on a pose or a position belong to the pose."""
 MOVING: Final = frozenset(kind for kind in TopicKind if kind.moves)
-_LONGER = "listen longer: `for=60s`"
+_LONGER = "listen for longer: `for=60s`"
 _TITLES: Mapping[RobotItem, str] = {
-    RobotItem.TELEMETRY: "Its telemetry is heard",
-    RobotItem.POSE: "Its pose and position are heard, and move",
-    RobotItem.RATES: "It publishes as often as the report says",
+    RobotItem.TELEMETRY: "Its telemetry is received",
+    RobotItem.POSE: "Its pose and position are received, and change",
+    RobotItem.RATES: "It publishes at the rate that the report gives",
 }
 
 
@@ -70,9 +70,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
         return ()
     if cell.vehicle is None:
         return (
-            _automatic(
-                "strangers", "Only robots of the inventory introduce themselves", _Strangers(cell.robots, cell.site)
-            ),
+            _automatic("strangers", "Only robots of the inventory are discovered", _Strangers(cell.robots, cell.site)),
         )
     if cell.vehicle not in cell.robots.sources:
         return (unreadable(cell),)
@@ -93,19 +91,19 @@ def _automatic(name: str, title: str, probe: base.Probe, unless: str = "") -> ba
 
 def unreadable(cell: base.Cell) -> base.Step:
     """Return the only step of a robot whose file has errors, so that its expected data are unknown."""
-    return _automatic("discovered", "It is discovered, and is as its file says", _BrokenFile(cell.row))
+    return _automatic("discovered", "It is discovered, and matches its file", _BrokenFile(cell.row))
 
 
 def vpn_step(name: str, cell: base.Cell) -> base.Step:
     """Return the step for the robot's own VPN membership, if it has one."""
     behind = cell.site if cell.address(None) is not None else ""
-    return _automatic(name, "Its member of the VPN is connected", _VpnOfRobot(cell.row, cell.name, behind))
+    return _automatic(name, "Its VPN member is connected", _VpnOfRobot(cell.row, cell.name, behind))
 
 
 def discovery_step(name: str, cell: base.Cell, host: str = "") -> base.Step:
     """Return the step that the robot announces itself as in its file; `host` listens, or this computer if empty."""
     assert cell.robots is not None  # noqa: S101 - the caller checks it
-    title = "It is discovered at the control centre" if host else "It is discovered, and is as its file says"
+    title = "It is discovered at the control centre" if host else "It is discovered, and matches its file"
     return _automatic(name, title, _DiscoveryProbe(cell.robots, cell.row, cell.name, cell.site, host))
 
 
@@ -119,8 +117,8 @@ def _control_centre_step(cell: base.Cell) -> base.Step:
         title="It is discovered at the control centre",
         kind=ItemKind.PERSON,
         phase=Phase.BENCH,
-        do="No control centre is declared: look at the screen of an operator.",
-        look_for="The robot is offered there by its name, and an operator can accept it.",
+        do="The inventory has no control centre: check an operator's screen.",
+        look_for="The robot is offered there under its name, and an operator can accept it.",
     )
 
 
@@ -138,11 +136,11 @@ def pose_of_the_library(name: str, phase: Phase) -> base.Step:
     """Return the step for a pose in the library's format, whose topic is unknown here."""
     return base.Step(
         name=name,
-        title="Its pose is shown, and moves",
+        title="Its pose is shown, and changes",
         kind=ItemKind.PERSON,
         phase=phase,
-        do="Its pose goes through the library, on a topic that is not known: move it, and look at an operator's map.",
-        look_for="The robot is where it is, and moves as it does.",
+        do="Its pose goes through the library, on an unknown topic: move the robot, and check an operator's map.",
+        look_for="The map shows the robot where it is, and moving as it moves.",
     )
 
 
@@ -161,13 +159,13 @@ def _observation(answer: base.Answer | None, host: str) -> RobotObservation | Li
 
 def _complete_hint(finding: LinkFinding, site: str) -> LinkFinding:
     """Complete a hint with a command that can be typed while a checklist is open."""
-    again = f"`provision robot discover site={site} for=60s` listens longer"
+    again = f"`provision robot discover site={site} for=60s` listens for longer"
     return replace(finding, hint=again if finding.hint == _LONGER else fill_hint(finding.hint or "", site=site))
 
 
 def _evidence(writers: Collection[HeardWriter]) -> Iterator[Evidence]:
     for writer in writers:
-        rate = "rate not known" if writer.rate_hz is None else f"{writer.rate_hz:.2g} Hz"
+        rate = "rate unknown" if writer.rate_hz is None else f"{writer.rate_hz:.2g} Hz"
         yield base.measured_evidence(
             writer.topic, f"{rate}, {writer.messages} messages of {writer.size_bytes} bytes, {writer.type}"
         )
@@ -183,8 +181,8 @@ class _BrokenFile:
         return ()
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:  # noqa: ARG002 - as every probe has it
-        message = f"the file of {self.vehicle} has errors, so that nothing can be compared with it"
-        hint = f"`provision robot validate vehicle={self.vehicle}` names each of them"
+        message = f"the file of {self.vehicle} has errors, so nothing can be compared with it"
+        hint = f"`provision robot validate vehicle={self.vehicle}` lists them"
         return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
 
 
@@ -211,18 +209,18 @@ class _VpnOfRobot:
             evidence = base.read("session at the VPN server", f"{session.name} from {session.session}")
             return base.ProbeResult((LinkFinding(Verdict.PASS, "member-connected", message),), (evidence,))
         if not members and self.behind:
-            text = f"{self.name} is no member of the VPN: it is in the LAN of {self.behind}, behind its router"
+            text = f"{self.name} is not a VPN member: it is in the LAN of {self.behind}, behind its router"
             return base.ProbeResult((LinkFinding(Verdict.SKIP, "behind-router", text),))
         return base.ProbeResult(
             (self._not_connected_finding([member.name for member in members if member.has_certificate]),)
         )
 
     def _not_connected_finding(self, member_names: Collection[str]) -> LinkFinding:
-        status = "`provision vpn status` shows every member and who is connected"
+        status = "`provision vpn status` shows all members and who is connected"
         if not member_names:
-            message = f"{self.name} has no certificate of the VPN that is good, and no address in the LAN of the site"
+            message = f"{self.name} has no valid VPN certificate, and no address in the LAN of the site"
             if self.behind:
-                message = f"every certificate of {self.name} in the VPN was revoked"
+                message = f"all VPN certificates of {self.name} are revoked"
             return LinkFinding(Verdict.FAIL, "no-member", message, status)
         message = f"{', '.join(member_names)} is not connected to the VPN server"
         return LinkFinding(Verdict.FAIL, "member-away", message, f"start OpenVPN on the robot; {status}")
@@ -256,7 +254,7 @@ class _DiscoveryProbe(_OfRobot):
         evidence = tuple(self._configuration_evidence(report, observation))
         if wrong:
             return base.ProbeResult(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
-        text = f"{self.name} introduces itself as its file says"
+        text = f"{self.name} announces itself as its file says"
         return base.ProbeResult((LinkFinding(Verdict.PASS, "introduced", text),), evidence)
 
     @staticmethod
@@ -292,8 +290,8 @@ class _TopicsProbe(_OfRobot):
             return base.ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         if report.state is RobotState.MISSING:
-            message = f"{self.name} did not introduce itself, so that nothing is known of what it publishes"
-            hint = "make it be discovered first, then look again"
+            message = f"{self.name} was not discovered, so what it publishes is unknown"
+            hint = "get it discovered first, then check again"
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
         names = [topic.name for topic in self.topics()]
         writers = [writer for writer in report.topics if writer.topic in names and writer.messages]
@@ -307,10 +305,10 @@ class _TopicsProbe(_OfRobot):
     def _summary_finding(self, names: Collection[str], writers: Collection[HeardWriter]) -> LinkFinding:
         topics = {writer.topic for writer in writers}
         if not topics:
-            message = f"none of {', '.join(names)} was heard of {self.name}"
-            hint = "look at the program of the robot that publishes them"
+            message = f"none of {', '.join(names)} was received from {self.name}"
+            hint = "check the program on the robot that publishes them"
             return LinkFinding(Verdict.INCONCLUSIVE, "not-heard", message, hint)
-        text = f"{len(topics)} of {len(names)} topics of {self.name} are as they should be"
+        text = f"{len(topics)} of {len(names)} topics of {self.name} are as expected"
         return LinkFinding(Verdict.PASS, "heard", text)
 
 
@@ -334,8 +332,8 @@ class _Strangers:
         if wrong:
             return base.ProbeResult(wrong)
         if not observation.configurations:
-            message = "no robot has introduced itself, so that nothing is known of strangers"
-            hint = "is this computer in the network of the robots, and in the domain of `dds.domain`?"
+            message = "no robot was discovered, so robots outside the inventory cannot be seen"
+            hint = "check that this computer is in the robots' network and in the domain of `dds.domain`"
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
-        text = f"{len(observation.configurations)} robots introduce themselves, all of the inventory"
+        text = f"{len(observation.configurations)} robots discovered, all in the inventory"
         return base.ProbeResult((LinkFinding(Verdict.PASS, "all-known", text),))

@@ -67,12 +67,12 @@ class AllowListProbe:
         target_findings = [entry for entry in result.findings if entry.code in _TARGET_CODES]
         proved_findings = [item for item in target_findings if item.verdict in _GOOD_VERDICTS]
         if not target_findings:
-            message = f"nothing was tried over {self.link}"
-            hint = "declare `refused_probes` of the link: addresses of ours that must not be reached"
+            message = f"nothing was tested over {self.link}"
+            hint = "set `refused_probes` of the link: our own addresses that must not be reachable"
             yield LinkFinding(Verdict.INCONCLUSIVE, "nothing-tried", message, hint)
         elif not proved_findings:
-            message = f"none of {len(target_findings)} targets could be proved over {self.link}"
-            hint = "try again while the satellite carries the traffic: unplug the other links"
+            message = f"none of {len(target_findings)} targets could be verified over {self.link}"
+            hint = "test again while the satellite carries the traffic: unplug the other links"
             yield LinkFinding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
         else:
             yield self._summarize(
@@ -85,20 +85,20 @@ class AllowListProbe:
             yield replace(finding, verdict=weaker, hint=finding.hint or self._hints.get(finding.code))
 
     def _summarize(self, proved_count: int, target_count: int, untried_count: int) -> LinkFinding:
-        message = f"{proved_count} of {target_count} targets were proved over {self.link}"
+        message = f"{proved_count} of {target_count} targets were verified over {self.link}"
         if not untried_count:
             return LinkFinding(Verdict.PASS, "proved", message)
-        message = f"{message}, {untried_count} could not be tried"
+        message = f"{message}, {untried_count} could not be tested"
         return LinkFinding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
 
     @property
     def _hints(self) -> Mapping[str, str]:
         """Hints for results that have none."""
         try_all = f"`provision measure satellite site={self.site} --try-all`"
-        return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
+        return {_NOT_TRIED: f"test while the satellite carries the traffic, or {try_all}"}
 
     def _evidence(self, result: base.AllowListTestResult) -> Iterator[report.Evidence]:
-        yield base.measured_evidence(f"proof over {self.link} took", round(result.seconds, 1), "s")
+        yield base.measured_evidence(f"duration of the test over {self.link}", round(result.seconds, 1), "s")
         if result.bill:
             yield base.measured_evidence(f"cost over {self.link}", result.bill)
 
@@ -116,7 +116,7 @@ def _of_link(cell: base.Cell, link: model.Link, number: int) -> Iterator[base.St
     concerns = tuple(item for item in (link.device,) if item is not None)
     yield base.Step(
         name=link.name if number else "",
-        title=f"Satellite terminal of {cell.name} is there, by what the router sees; nothing is sent",
+        title=f"The router sees the satellite terminal of {cell.name}; nothing is sent",
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.BENCH,
         probe=LinkProbe(link.name, _there),
@@ -124,13 +124,15 @@ def _of_link(cell: base.Cell, link: model.Link, number: int) -> Iterator[base.St
     )
     yield base.Step(
         name=f"{before}allow-list",
-        title=f"Satellite of {cell.name} lets through what is declared, and nothing else",
+        title=f"The satellite of {cell.name} passes what the inventory allows, and nothing else",
         kind=report.ItemKind.ACTIVE,
         phase=report.Phase.QUAY,
         probe=AllowListProbe(link.name, cell.site),
         consent=base.Consent(
-            question=f"the terminal of {cell.name} sees the sky, and up to 20 kB may go over its airtime",
-            prompt="wait: what is silent is asked for 90 s, because gaps of 70 s are ordinary on this link",
+            question=f"the terminal of {cell.name} has a view of the sky; up to 20 kB of airtime may be used",
+            prompt=(
+                "please wait: unresponsive targets are retried for 90 s, because gaps of 70 s are normal on this link"
+            ),
             cost=True,
         ),
         concerns=concerns,
@@ -143,11 +145,11 @@ def _firewall(cell: base.Cell, link: model.Link, before: str, concerns: tuple[st
     targets = ", ".join(_target(allowed_target) for allowed_target in allowed_targets(cell.inventory.pilot, link))
     return base.Step(
         name=f"{before}firewall",
-        title=f"The terminal's own firewall lets through addresses of ATLANTIS only ({link.device})",
+        title=f"The terminal's own firewall passes only addresses of ATLANTIS ({link.device})",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=f"Open the pages of {link.device} and look at its firewall; attach a screenshot of it.",
-        look_for=f"It is on, admits these and nothing else: {targets}. Its password is not the factory's.",
+        do=f"Open the pages of {link.device} and check its firewall; attach a screenshot.",
+        look_for=f"The firewall is on and allows only these: {targets}. The password is not the factory default.",
         concerns=concerns,
     )
 
@@ -155,7 +157,9 @@ def _firewall(cell: base.Cell, link: model.Link, before: str, concerns: tuple[st
 def _terminal(cell: base.Cell, link: model.Link, before: str, concerns: tuple[str, ...]) -> base.Step:
     box = cell.inventory.hosts.get(link.device or "")
     evidence = getattr(box.device, "evidence", None) if box is not None else None
-    firmware = f"the firmware is {evidence.firmware}, as declared" if evidence is not None else "note its firmware"
+    firmware = (
+        f"the firmware is {evidence.firmware}, as in the inventory" if evidence is not None else "note the firmware"
+    )
     return base.Step(
         name=f"{before}terminal",
         title=f"The terminal's own pages show signal, position and a data session ({link.device})",
@@ -179,10 +183,10 @@ def _there(values: Mapping[str, Any]) -> LinkFinding | None:
         return None
     port = quality.get("port") or "its port"
     if quality.get("next_hop_seen") == "yes":
-        message = f"port {port} has a link, and the terminal has answered on it; over the air nothing was sent"
+        message = f"port {port} has a link, and the terminal responded on it; nothing was sent over the air"
         return LinkFinding(Verdict.PASS, "terminal-there", message)
-    message = f"port {port} has a link, but the terminal has not answered on it of late"
-    hint = "that alone proves nothing: the router asks for it when it sends; the allow-list's item shows more"
+    message = f"port {port} has a link, but the terminal has not responded on it recently"
+    hint = "this is no proof: the router only looks for it when it sends; the allow-list item shows more"
     return LinkFinding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
 
 
@@ -194,5 +198,5 @@ def _manual_step(cell: base.Cell) -> base.Step:
         phase=report.Phase.QUAY,
         do=f"Open the pages of the satellite terminal of {cell.name} under a clear sky, then send one small message."
         " Each byte may cost.",
-        look_for="It shows a signal and a data session, and the message arrives within 90 s: gaps of 70 s happen.",
+        look_for="It shows a signal and a data session, and the message arrives within 90 s: gaps of 70 s occur.",
     )

@@ -124,23 +124,23 @@ class Ping:
             if wrong is not None:
                 return wrong
             if fix.range_m is None:
-                message = f"{other} has answered the ping of {self.name}, and its range was not measured"
+                message = f"{other} responded to the ping of {self.name}, but its range was not measured"
                 return LinkFinding(
-                    Verdict.WARN, "no-range", message, "ping again, and look whether both heads are free"
+                    Verdict.WARN, "no-range", message, "ping again, and check that both heads are unobstructed"
                 )
             far = f"{fix.range_m:.1f} m away"
-            return LinkFinding(Verdict.PASS, "answered", f"{other} has answered the ping of {self.name}, {far}")
+            return LinkFinding(Verdict.PASS, "answered", f"{other} responded to the ping of {self.name}, {far}")
         if error is not None and error[:1] == bytes([_TIMEOUT]):
-            hint = "look whether both beacons are in the water and within reach, and which number the other one has"
-            return LinkFinding(Verdict.FAIL, "no-answer", f"{other} has not answered the ping of {self.name}", hint)
+            hint = "check that both beacons are in the water and within range, and the number of the other one"
+            return LinkFinding(Verdict.FAIL, "no-answer", f"{other} did not respond to the ping of {self.name}", hint)
         status = (error or ping_reply.record)[:1]
         if status not in {b"", b"\x00"}:
             why = "it is busy" if status[0] == _BUSY else f"its status is 0x{status[0]:02X}"
-            message = f"the beacon of {self.name} has not carried out the ping: {why}"
+            message = f"the beacon of {self.name} did not execute the ping: {why}"
             return LinkFinding(
-                Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it"
+                Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle is not using it"
             )
-        message = f"the beacon of {self.name} has sent a ping and does not tell what became of it"
+        message = f"the beacon of {self.name} sent a ping but did not report the result"
         return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
 
     def _judge_not_sent(self, answers: tuple[seatrac.SeatracAnswer, ...]) -> LinkFinding:
@@ -148,19 +148,21 @@ class Ping:
         if record is None:
             message = f"no ping was sent: the transceiver of {self.name} is not idle"
             return LinkFinding(
-                Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it"
+                Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle is not using it"
             )
         status = seatrac.status(record)
         if status is None or status.depth_m is None:
-            message = f"no ping was sent: the beacon of {self.name} does not tell its depth"
-            hint = "have its crew let the status tell the environment; without a depth nothing is sent"
+            message = f"no ping was sent: the beacon of {self.name} does not report its depth"
+            hint = "ask its crew to add environment data to the status output; without a depth nothing is sent"
             return LinkFinding(Verdict.INCONCLUSIVE, "depth-unknown", message, hint)
         if status.depth_m >= _DEPTH_M:
             # The transcript does not show what was sent: a depth that came too late sends no ping.
             message = f"the beacon of {self.name} responded too late to be pinged, or not to the ping command"
             return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
-        message = f"no ping was sent: the beacon of {self.name} measures a depth of {status.depth_m:.1f} m, as in air"
-        hint = f"put the vehicle into the water: from {_DEPTH_M} m on the ping is sent"
+        message = (
+            f"no ping was sent: the beacon of {self.name} measures a depth of {status.depth_m:.1f} m, as if in air"
+        )
+        hint = f"put the vehicle into the water: the ping needs a depth of {_DEPTH_M} m"
         return LinkFinding(Verdict.INCONCLUSIVE, "in-air", message, hint)
 
 
@@ -185,7 +187,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
         return (_manual_step(cell),)
     passive = base.Step(
         name="",
-        title=f"The USBL of {cell.name} tells fresh fixes",
+        title=f"The USBL of {cell.name} reports current fixes",
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.WATER,
         probe=usbl_fixes.Fixes(
@@ -215,7 +217,7 @@ def _ping(cell: base.Cell, modem: AcousticModem, endpoint: UsblEndpoint) -> Iter
     consent = ping_consent(cell.name, endpoint.ping)
     yield base.Step(
         name="ping",
-        title=f"The beacon {endpoint.ping} answers a ping of {cell.name}",
+        title=f"The beacon {endpoint.ping} responds to a ping from {cell.name}",
         kind=report.ItemKind.ACTIVE,
         phase=report.Phase.WATER,
         probe=Ping(modem, cell.name, endpoint.ping, consent, declared_address(cell, modem), _geofence_width_m(cell)),
@@ -227,24 +229,28 @@ def _pinged_by_a_person(cell: base.Cell, beacon: int) -> base.Step:
     """Return a step for a person: a modem other than SeaTrac measures ranges with messages, not pings."""
     return base.Step(
         name="ping",
-        title=f"The modem with the address {beacon} answers {cell.name}",
+        title=f"The modem with the address {beacon} responds to {cell.name}",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
-        do=f"With both in the water, let the software of {cell.name} locate the modem with the address {beacon}.",
-        look_for="A position comes, and its range is about that on the chart.",
+        do=f"With both in the water, make the software of {cell.name} locate the modem with the address {beacon}.",
+        look_for="A position arrives, and its range roughly matches the chart.",
     )
 
 
 def _manual_step(cell: base.Cell) -> base.Step:
     is_declared = cell.endpoints.usbl is not None
-    why = "has no address at this site" if is_declared else "is not declared"
+    why = "has no address at this site" if is_declared else "is not in the inventory"
     return base.Step(
         name="",
-        title=f"The USBL of {cell.name} gives its position",
+        title=f"The USBL of {cell.name} reports its position",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
-        do=f"The USBL of {cell.name} {why}, so nobody can listen to it. With both transducers in the water, and never "
-        "in air, let the vehicle be located from its base, some metres away and in a known direction.",
-        look_for="A new position comes every few seconds, in the right direction, and its range is about that which is "
-        "seen; it follows when the vehicle moves.",
+        do=(
+            f"The USBL of {cell.name} {why}, so the program cannot listen to it. With both transducers in the water, "
+            "and never in air, have the vehicle located from its base, some metres away and in a known direction."
+        ),
+        look_for=(
+            "A new position arrives every few seconds, in the right direction, with a range that roughly "
+            "matches what you see; it follows the vehicle's movement."
+        ),
     )

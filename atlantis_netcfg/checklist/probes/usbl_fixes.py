@@ -38,10 +38,12 @@ _SIGNAL_NONE_DB = -200.0
 _FUTURE_S = 0.5
 _SINCE_1970_S = 1e9
 """A clock with a larger value was set to the time of day; others count from when the modem was switched on."""
-_NOBODY = "let the other modem ping or send, with both in the water, and listen again; silence proves nothing"
+_NOBODY = (
+    "make the other modem ping or send, with both in the water, and listen again; without a signal nothing is proved"
+)
 _OUTPUT = "AT?ZU"
-_ECHOES = "look for echoes and noise, and whether the beacon's head is free on all sides"
-_REPLAY = "look whether a recorded log is fed to this end in place of the modem, then restart the modem's software"
+_ECHOES = "check for echoes and noise, and that the beacon's head is unobstructed on all sides"
+_REPLAY = "check whether a recorded log is replayed here instead of the modem, then restart the modem's software"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,14 +166,14 @@ def impossible(
     """
     whose = f"the address {fix.remote}"
     if fix.delay_s < -_FUTURE_S:
-        message = f"{who} tells a fix of {whose} that is measured {-fix.delay_s:.0f} s from now by its own clock"
+        message = f"{who} reports a fix of {whose} measured {-fix.delay_s:.0f} s from now by its own clock"
         return LinkFinding(Verdict.FAIL, "time-impossible", message, _REPLAY)
     if fix.remote == local:
-        message = f"{who} tells fixes of {whose}, which is its own"
+        message = f"{who} reports fixes of {whose}, which is its own address"
         return LinkFinding(Verdict.FAIL, "own-address", message, "give one of the two modems another address")
     if local is not None and fix.to not in {None, 0, local}:
-        message = f"{who} tells a fix of {whose} that is meant for the beacon {fix.to}, and it is the beacon {local}"
-        hint = "look which beacon is connected here: another one's answers are not its own fixes"
+        message = f"{who} reports a fix of {whose} addressed to the beacon {fix.to}, but it is the beacon {local}"
+        hint = "check which beacon is connected here: responses to another beacon are not its own fixes"
         return LinkFinding(Verdict.FAIL, "other-beacon", message, hint)
     return _check_distance(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
 
@@ -181,8 +183,10 @@ def _check_distance(
 ) -> LinkFinding | None:
     far_m = [metres for metres in (fix.range_m, fix.distance_m) if metres is not None]
     if far_m and min(far_m) <= _NEAREST_M:
-        message = f"{who} puts {whose} at {min(far_m):.1f} m, where it is itself: zeros in place of what was measured"
-        hint = "restart the modem, and the program that passes its fixes on"
+        message = (
+            f"{who} puts {whose} at {min(far_m):.1f} m, which is its own position: zeros instead of measured values"
+        )
+        hint = "restart the modem, and the program that forwards its fixes"
         return LinkFinding(Verdict.FAIL, "position-null", message, hint)
     if far_m and (away := _too_far(who, whose, max(far_m), width_m, driver)) is not None:
         return away
@@ -194,12 +198,14 @@ def _check_distance(
 def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: AcousticDriver) -> LinkFinding | None:
     widest = min(_REACH_M[driver], width_m if width_m is not None else _REACH_M[driver])
     if far_m > widest:
-        limit = "no such modem hears that far" if widest == _REACH_M[driver] else f"the site is {widest:.0f} m wide"
-        hint = "compare it with what is seen; correct `checklist.geofence` of the site if the test is wider"
-        return LinkFinding(Verdict.FAIL, "too-far", f"{who} puts {whose} {far_m:.0f} m away, and {limit}", hint)
+        limit = "beyond the range of such a modem" if widest == _REACH_M[driver] else f"the site is {widest:.0f} m wide"
+        hint = (
+            "compare it with the actual position; correct `checklist.geofence` of the site if the test area is larger"
+        )
+        return LinkFinding(Verdict.FAIL, "too-far", f"{who} puts {whose} {far_m:.0f} m away: {limit}", hint)
     if width_m is None and far_m > _UNDECLARED_M:
-        message = f"{who} puts {whose} {far_m:.0f} m away, and nobody has declared how wide the site is"
-        return LinkFinding(Verdict.INCONCLUSIVE, "far-away", message, "declare `checklist.geofence` of the site")
+        message = f"{who} puts {whose} {far_m:.0f} m away; the inventory has no width of the site"
+        return LinkFinding(Verdict.INCONCLUSIVE, "far-away", message, "set `checklist.geofence` of the site")
     return None
 
 
@@ -209,10 +215,10 @@ def _has_range_mismatch(fix: UsblFix, share: float, metres: float) -> bool:
 
 
 def _mismatch(who: str, whose: str, fix: UsblFix) -> str:
-    return f"{who} puts {whose} at {fix.distance_m:.1f} m, and the sound's time says {fix.range_m:.1f} m"
+    return f"{who} puts {whose} at {fix.distance_m:.1f} m, but the travel time of the sound gives {fix.range_m:.1f} m"
 
 
-_MISMATCH = "compare the sound speed that is set with the water's; echoes of a wall make such fixes, too"
+_MISMATCH = "compare the configured sound speed with the water's; wall echoes also cause such fixes"
 
 
 def _absurd(who: str, whose: str, fix: UsblFix) -> LinkFinding | None:
@@ -226,9 +232,9 @@ def _absurd(who: str, whose: str, fix: UsblFix) -> LinkFinding | None:
     odd = next((f"{what} of {value:g} {unit}".rstrip() for what, value, unit, wrong in values if wrong), None)
     if odd is None:
         return None
-    message = f"{who} tells a fix of {whose} with {odd}, which says nothing of a direction or is none"
+    message = f"{who} reports a fix of {whose} with {odd}, which gives no valid direction"
     return LinkFinding(
-        Verdict.FAIL, "values-impossible", message, f"look whether something is received at all; {_ECHOES}"
+        Verdict.FAIL, "values-impossible", message, f"check whether anything is received at all; {_ECHOES}"
     )
 
 
@@ -290,12 +296,14 @@ class Fixes:
         """Yield findings if the modem is not the expected one, or the inventory lacks the modems to receive."""
         local = self._local_address(transcript)
         if local is not None and self.expected_address is not None and local != self.expected_address:
-            message = f"{self._who} has the acoustic address {local}, and {self.expected_address} is declared"
-            hint = "look whose modem answers here, or correct `acoustic_address` in the declaration"
+            message = f"{self._who} has the acoustic address {local}; the inventory says {self.expected_address}"
+            hint = "check whose modem responds here, or correct `acoustic_address` in the inventory"
             yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if not self.hears:
-            message = f"nobody has declared whom {self._who} should hear: anybody's fixes count"
-            yield LinkFinding(Verdict.WARN, "whose-unknown", message, "declare `hears` under its `endpoints.usbl`")
+            message = (
+                f"the inventory does not say which addresses {self._who} should receive: fixes of any address count"
+            )
+            yield LinkFinding(Verdict.WARN, "whose-unknown", message, "set `hears` under its `endpoints.usbl`")
 
     def _is_recognized(self, transcript: base.Transcript) -> bool:
         if self.modem.driver is AcousticDriver.SEATRAC:
@@ -311,13 +319,15 @@ class Fixes:
         if self.modem.driver is AcousticDriver.EVOLOGICS:
             output_state = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
             if output_state == 0 and not fixes:
-                message = f"{self._who} keeps its fixes to itself: their output is switched off (AT?ZU 0)"
-                hint = "have its crew switch the output of fixes on: this tool never does"
+                message = f"{self._who} does not output its fixes: the output is switched off (AT?ZU 0)"
+                hint = "ask its crew to switch the output of fixes on: this program never does"
                 return LinkFinding(Verdict.INCONCLUSIVE, "output-off", message, hint)
         whose = f" of {_addresses(self.hears)}" if self.hears else ""
         others = sorted({fix.remote for fix in fixes})
         beside = f", only of {_addresses(tuple(others))}" if others else ""
-        message = f"{self._who} told no fix{whose} within {transcript.ended_s:.0f} s{beside}: nobody pinging?"
+        message = (
+            f"{self._who} reported no fix{whose} within {transcript.ended_s:.0f} s{beside}: possibly nothing pings"
+        )
         return LinkFinding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
 
     def _of(
@@ -325,12 +335,12 @@ class Fixes:
     ) -> Iterator[LinkFinding]:
         """Judge the fixes of one modem: possible, current, and more than one measurement."""
         if not fixes:
-            message = f"{self._who} told no fix of the address {remote} within {transcript.ended_s:.0f} s"
+            message = f"{self._who} reported no fix of the address {remote} within {transcript.ended_s:.0f} s"
             yield LinkFinding(Verdict.INCONCLUSIVE, "not-heard", message, _NOBODY)
             return
         again = _again(fixes)
         if again is not None:
-            message = f"{self._who} tells {again} of the address {remote}"
+            message = f"{self._who} reports {again} of the address {remote}"
             yield LinkFinding(Verdict.FAIL, "repeated", message, _REPLAY)
             return
         # One measurement is as old as when it was told first.
@@ -343,7 +353,8 @@ class Fixes:
         yield from self._fix_findings(remote, good, len(fixes))
         if wrong:
             message = (
-                f"{len(wrong)} of {len(measurements)} fixes of the address {remote} cannot be: {_first_message(wrong)}"
+                f"{len(wrong)} of {len(measurements)} fixes of the address {remote} are impossible: "
+                f"{_first_message(wrong)}"
             )
             yield LinkFinding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
 
@@ -353,18 +364,18 @@ class Fixes:
         if finding is not None:
             return finding
         if fix.delay_s > self.max_age_s:
-            message = f"{self._who} tells a fix {of} that was measured {fix.delay_s:.0f} s before"
+            message = f"{self._who} reports a fix {of} that was measured {fix.delay_s:.0f} s earlier"
             return LinkFinding(Verdict.FAIL, "stale", message, _REPLAY)
         if fix.clock_s is not None and fix.clock_s >= _SINCE_1970_S and fix.received_at >= _SINCE_1970_S:
             ahead_s = fix.clock_s - fix.received_at
             if abs(ahead_s) > self.max_age_s:
                 apart = f"{abs(ahead_s):.0f} s {'behind' if ahead_s < 0 else 'ahead of'}"
-                message = f"{self._who} tells a fix {of} at a time that is {apart} the clock here"
+                message = f"{self._who} reports a fix {of} with a time {apart} the clock here"
                 hint = f"set the modem's clock; if it is right: {_REPLAY}"
                 return LinkFinding(Verdict.INCONCLUSIVE, "clock-differs", message, hint)
         if fix.suspect:
             return LinkFinding(
-                Verdict.INCONCLUSIVE, "not-trusted", f"{self._who} does not trust its own fix {of}", _ECHOES
+                Verdict.INCONCLUSIVE, "not-trusted", f"{self._who} marks its own fix {of} as unreliable", _ECHOES
             )
         return None
 
@@ -373,15 +384,15 @@ class Fixes:
         far = "" if last.range_m is None else f", {last.range_m:.1f} m away"
         count_text = f"{count} fix{'es' if count > 1 else ''} of the address {remote}"
         if last.age_s > self.max_age_s:
-            message = f"{self._who} told {count_text}, but none for {last.age_s:.0f} s"
+            message = f"{self._who} reported {count_text}, but none for {last.age_s:.0f} s"
             yield LinkFinding(
-                Verdict.INCONCLUSIVE, "ended", message, f"look why they ended, and listen again: {_NOBODY}"
+                Verdict.INCONCLUSIVE, "ended", message, f"find out why they stopped, and listen again: {_NOBODY}"
             )
             return
-        yield LinkFinding(Verdict.PASS, "heard", f"{self._who} told {count_text}{far}")
+        yield LinkFinding(Verdict.PASS, "heard", f"{self._who} reported {count_text}{far}")
         if len(good) == 1:
-            message = f"only one fix of the address {remote} came: whether more follow is not seen"
-            yield LinkFinding(Verdict.WARN, "one-fix", message, "let it be pinged every few seconds, and listen again")
+            message = f"only one fix of the address {remote} arrived: cannot tell whether more follow"
+            yield LinkFinding(Verdict.WARN, "one-fix", message, "have it pinged every few seconds, and listen again")
         yield from _quality(self._who, remote, last)
 
     def _out_of_step(self, fixes: tuple[UsblFix, ...]) -> Iterator[LinkFinding]:
@@ -389,8 +400,8 @@ class Fixes:
         apart = [fix.clock_s - fix.received_at for fix in fixes if fix.clock_s is not None]
         if apart and max(apart) - min(apart) > self.max_age_s:
             far_s = max(apart) - min(apart)
-            message = f"the clock of {self._who} and ours move apart by {far_s:.0f} s while fixes come"
-            hint = f"listen again: fixes that were kept back come at once; if it stays so: {_REPLAY}"
+            message = f"the clock of {self._who} drifts from the clock here by {far_s:.0f} s while fixes arrive"
+            hint = f"listen again: delayed fixes arrive all at once; if nothing changes: {_REPLAY}"
             yield LinkFinding(Verdict.INCONCLUSIVE, "out-of-step", message, hint)
 
 
@@ -404,7 +415,7 @@ def _again(fixes: list[UsblFix]) -> str | None:
         runs = [stamp for place, stamp in enumerate(stamps) if not place or stamp != stamps[place - 1]]
         back = [item for item, then in pairwise(runs) if _is_before(then, item)]
         if len(runs) > len(set(runs)) or back:
-            return "fixes that it has told before"
+            return "fixes that it reported before"
     return None
 
 
@@ -419,29 +430,31 @@ def _first_message(wrong: Mapping[int, LinkFinding]) -> str:
 def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[LinkFinding]:
     of = f"of the address {remote}"
     if fix.range_m is None:
-        hint = "a direction without a range is all that a receiver without its own ping gets; look how it is pinged"
-        yield LinkFinding(Verdict.WARN, "direction-only", f"{who} tells only the direction {of}, and no range", hint)
+        hint = "a receiver that does not ping itself gets only a direction, no range; check how it is pinged"
+        yield LinkFinding(Verdict.WARN, "direction-only", f"{who} reports only the direction {of}, no range", hint)
     elif not fix.has_direction:
-        hint = "a SeaTrac X110 measures no direction: connect the X150, or take it out of the column"
-        yield LinkFinding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
+        hint = "a SeaTrac X110 measures no direction: connect the X150, or remove it from the column"
+        yield LinkFinding(Verdict.WARN, "range-only", f"{who} reports only the range {of}, no direction", hint)
     elif _has_range_mismatch(fix, _OFF_SHARE, _OFF_M):
         yield LinkFinding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
     low, high = status.RSSI_DB
     if fix.rssi_db is not None and not low <= fix.rssi_db <= high:
         weak = fix.rssi_db < low
         message = f"{who} hears {of[3:]} too {'weakly' if weak else 'strongly'}: {fix.rssi_db:.0f} dB"
-        hint = "look at the transducers and what is between them" if weak else "move the modems apart"
+        hint = "check the transducers and what is between them" if weak else "move the modems apart"
         yield LinkFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
     if fix.integrity is not None and fix.integrity < status.INTEGRITY_LOW:
-        message = f"{who} hears {of[3:]} poorly: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
-        hint = "look for echoes (walls, the hull, the surface) and noise, and listen again"
+        message = (
+            f"{who} receives a poor signal {of[3:]}: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
+        )
+        hint = "check for echoes (walls, the hull, the surface) and noise, and listen again"
         yield LinkFinding(Verdict.WARN, "integrity-low", message, hint)
     if fix.accuracy is not None and fix.accuracy > _ACCURACY_POOR:
         message = f"{who} knows the direction {of} only to {math.degrees(fix.accuracy):.0f} degrees"
         yield LinkFinding(Verdict.WARN, "accuracy-poor", message, _ECHOES)
     if fix.fit_error is not None and fix.fit_error > _FIT_POOR:
         poor = f"fit error {fix.fit_error:.1f}, good is below {_FIT_POOR:g}"
-        message = f"{who} has measured the direction {of} poorly: {poor}"
+        message = f"{who} measured a poor direction {of}: {poor}"
         yield LinkFinding(Verdict.WARN, "poor-fit", message, _ECHOES)
 
 

@@ -24,7 +24,7 @@ _FAILURES = frozenset({_shapes.ShownState.FAIL, _shapes.ShownState.INCONCLUSIVE,
 
 def junit(document: Document) -> bytes:
     """Return the file; the same document always gives the same bytes."""
-    rehearsal_note = ", rehearsed: nothing real was checked" if document.rehearsed else ""
+    rehearsal_note = ", rehearsal: nothing real was checked" if document.rehearsed else ""
     root = ET.Element("testsuites", name=drift.clean(f"checklist of {document.site}{rehearsal_note}"))
     root.append(_checklist_suite(document))
     for row in _shapes.grid(document).rows:
@@ -39,7 +39,7 @@ def _checklist_suite(document: Document) -> ET.Element:
     suite = ET.Element("testsuite", name="checklist", time="0")
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
-        drift.add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
+        drift.add(case, "error", "NOTHING", "nothing was checked: all items are skipped")
     drift.add_output(
         case,
         f"run {document.run}",
@@ -85,7 +85,7 @@ def _item_lines(item: Item) -> Iterator[str]:
 def _left_out(document: Document) -> ET.Element:
     suite = ET.Element("testsuite", name="left out", time="0")
     for item in document.left_out:
-        case = ET.SubElement(suite, "testcase", name=drift.clean(item.what), classname="left out", time="0")
+        case = ET.SubElement(suite, "testcase", name=drift.clean(item.what), classname="excluded", time="0")
         drift.skip(case, item.why)
     drift.count(suite)
     return suite

@@ -349,7 +349,7 @@ def describe_drawing(document: Document) -> list[str]:
         label = translate(link.label) if link.label.strip() else ""
         ends = f"{labels.get(link.a, link.a)}, {labels.get(link.b, link.b)}"
         result.append(f"{ends}: {label}{_with_comma(str(shown_state) if shown_state is not None else '')}.")
-    return result or [translate("Nothing is declared.")]
+    return result or [translate("The inventory has nothing here.")]
 
 
 def _with_comma(words: str) -> str:

@@ -26,15 +26,15 @@ class PageText(StrEnum):
     """Headings, labels and sentences without values."""
 
     REHEARSAL = "REHEARSAL: nothing real was checked."
-    EMULATION_NOTE = "Devices were emulated; so was all that they answered."
-    SEE_NOT_REHEARSED = "What was not rehearsed"
-    REHEARSAL_NOTE = "REHEARSED, nothing real was checked"
-    BROKEN = "Broken on purpose:"
+    EMULATION_NOTE = "The devices and all their responses were emulated."
+    SEE_NOT_REHEARSED = "Limits of the rehearsal"
+    REHEARSAL_NOTE = "REHEARSAL, nothing real was checked"
+    BROKEN = "Injected faults:"
     VERDICT = "Verdict"
     SIGNATURE = "Signature"
-    SIGNS = "Signs"
+    SIGNS = "Symbols"
     NO_ITEMS = "there are no items"
-    NOT_EVERYTHING = "Not everything was looked at:"
+    NOT_EVERYTHING = "Not everything was checked:"
     SEE_NOT_CHECKED = "what was not checked, and why"
     WHEN = "When"
     DIGEST = "Digest"
@@ -43,44 +43,44 @@ class PageText(StrEnum):
     NOBODY = "Nobody vouches for this page."
     TABLE = "Table 3"
     BESIDE_TABLE = "not in Table 3"
-    CAPTION = "Each X of the report's table, with the worst that was found. A sign leads to what it stands on."
+    CAPTION = "Each X of the report's table, with its worst verdict. Each symbol links to its item."
     BESIDE_SIGN = "checked, but not a cell of Table 3"
     NO_SUCH_ITEM = "no such item"
     OVERRIDDEN = "Overridden by a person"
-    SINCE = "What changed since the last green"
+    SINCE = "Changes since the last green checklist"
     ITEM = "Item"
     BEFORE = "Before"
     NOW = "Now"
     WHAT = "What"
     NO_CHANGES = "Nothing has changed."
     NOT_CHECKED = "What was not checked, and why"
-    ALL_CHECKED = "Everything on the list was looked at."
+    ALL_CHECKED = "Everything on the list was checked."
     NOTES = "Notes"
     SITE = "The site"
     ITEMS = "All items"
-    NOTHING = "There are none: nothing was checked."
-    NOT_REHEARSED = "Not rehearsed"
-    MADE_FROM = "Made from"
+    NOTHING = "None: nothing was checked."
+    NOT_REHEARSED = "Limits of the rehearsal"
+    MADE_FROM = "Created from"
     RUN = "Run"
-    BEGAN = "Began"
+    BEGAN = "Started"
     END = "Ended"
     NOT_YET = "not yet"
     TOOL = "Tool"
     INVENTORY = "Inventory"
-    EXIT = "Exit"
+    EXIT = "Exit code"
 
 
 EVIDENCE = {
     EvidenceType.MEASURED: "measured",
     EvidenceType.READ: "read from the device",
     EvidenceType.CONFIRMED: "confirmed by a person",
-    EvidenceType.DECLARED: "declared in the inventory",
+    EvidenceType.DECLARED: "from the inventory",
     EvidenceType.FILE: "file",
 }
 KINDS = {
-    ItemKind.AUTOMATIC: "the tool looked by itself",
-    ItemKind.ACTIVE: "the tool acts on a person's word",
-    ItemKind.PERSON: "a person looks",
+    ItemKind.AUTOMATIC: "checked by the program",
+    ItemKind.ACTIVE: "checked by the program with a person's consent",
+    ItemKind.PERSON: "checked by a person",
 }
 PHASES = {
     Phase.BENCH: "on the bench",

@@ -60,7 +60,7 @@ def to_look_at(document: Document) -> tuple[str, list[Item]]:
     """Return a heading and the items that need attention, the worst first."""
     every = [item for item in by_state(document.items) if _shapes.state(item) not in _SETTLED_STATES]
     grave = any(_shapes.state(item) not in _shapes.GREEN for item in every)
-    return "What to mend first" if grave else "What to look at", every
+    return "What to fix first" if grave else "What to check", every
 
 
 _SETTLED_STATES = frozenset({_shapes.ShownState.PASS, _shapes.ShownState.SKIP, _shapes.ShownState.OVERRIDDEN})
@@ -83,17 +83,17 @@ def _pass_state(values: Mapping[_shapes.ShownState, int]) -> _shapes.ShownState:
     )
 
 
-_NOT_PASSED = ("The checklist has not passed", "The checklist has not passed, for {scope} alone")
+_NOT_PASSED = ("The checklist has not passed", "The checklist has not passed, for {scope} only")
 _HEADLINES = {
     _shapes.ShownState.OVERRIDDEN: (
-        "The checklist has passed, with what a person has overruled",
-        "The checklist has passed, for {scope} alone, with what a person has overruled",
+        "The checklist has passed, with items overridden by a person",
+        "The checklist has passed, for {scope} only, with items overridden by a person",
     ),
     _shapes.ShownState.WARN: (
         "The checklist has passed, with warnings",
-        "The checklist has passed, for {scope} alone, with warnings",
+        "The checklist has passed, for {scope} only, with warnings",
     ),
-    _shapes.ShownState.PASS: ("The checklist has passed", "The checklist has passed, for {scope} alone"),
+    _shapes.ShownState.PASS: ("The checklist has passed", "The checklist has passed, for {scope} only"),
 }
 
 
@@ -147,7 +147,7 @@ def evidence_groups(item: Item, say: Say, zone: str) -> list[tuple[str, list[Evi
 
 def evidence_words(evidence: Evidence) -> str:
     """Format one line of evidence, in English."""
-    file_note = f"; kept as {evidence.file}" if evidence.file is not None else ""
+    file_note = f"; saved as {evidence.file}" if evidence.file is not None else ""
     digest = f", SHA-256 {evidence.sha256}" if evidence.sha256 is not None else ""
     return f"{evidence.what}: {evidence.value} ({evidence_type(evidence, english, '')}){file_note}{digest}"
 
@@ -196,8 +196,8 @@ def body(document: Document) -> Iterator[str]:
     """Yield all lines except the last ones."""
     yield from _wrap_words("", translate(f"Checklist of {document.site} ({document.title}), run {document.run}"))
     if document.rehearsed:
-        yield from _wrap_words("", translate("REHEARSED on emulated devices: nothing real was checked"))
-        yield from _wrap_all(f"broken on purpose: {item}" for item in document.broken)
+        yield from _wrap_words("", translate("REHEARSAL on emulated devices: nothing real was checked"))
+        yield from _wrap_all(f"injected fault: {item}" for item in document.broken)
     yield ""
     yield from _grid(document)
     for item in by_state(document.items):
@@ -379,7 +379,7 @@ def _note_lines(document: Document) -> Iterator[str]:
     if document.since_green is not None:
         green = document.since_green
         at = time_text(green.at, document.time_zone)
-        yield from _wrap_all([f"since run {green.run} of {at}, which was green:"])
+        yield from _wrap_all([f"changes since run {green.run} of {at}, which was green:"])
         for change in green.changes:
             yield from _wrap_words("", change_line(change, translate), indent=2)
         if not green.changes:

@@ -85,19 +85,21 @@ class GatewayAccess:
         except RuntimeError as error:
             raise self._not_reached(str(getattr(error.args[0], "stderr", error)).strip(), backend.ended) from None
         except OSError as error:
-            raise GatewayUnreachable(f"{self.name} was not reached: {error}", hint="install OpenSSH's client") from None
+            raise GatewayUnreachable(
+                f"{self.name} is unreachable: {error}", hint="install the OpenSSH client"
+            ) from None
         assert backend.ended is not None  # noqa: S101 - it has just run
         return backend.ended
 
     def _not_reached(self, text: str, result: ProcessResult | None) -> GatewayUnreachable:
-        hint = "look at its power and its cable, then type the same again"
+        hint = "check its power and its cable, then run the same command again"
         if "Permission denied" in text:
-            hint = f"bring your key there: `ssh-copy-id {self.login}`"
+            hint = f"install your key there: `ssh-copy-id {self.login}`"
         elif (trouble := key_trouble(self.name, text)) is not None:
             text, hint = trouble
-        silent = "it did not answer in time" if result is not None and result.overdue else "ssh said nothing"
+        silent = "no response in time" if result is not None and result.overdue else "ssh said nothing"
         return GatewayUnreachable(
-            f"{self.name} was not reached: {text.splitlines()[-1] if text else silent}", hint=hint
+            f"{self.name} is unreachable: {(text.splitlines()[-1] if text else silent)}", hint=hint
         )
 
 

@@ -59,7 +59,7 @@ class AgentProcess:
         reported.
         """
         request_batch, loop = agent.batch(self.questions), asyncio.get_running_loop()
-        by_key, words = dict(self.questions), ["it did not answer"]
+        by_key, words = dict(self.questions), ["no response"]
 
         def line(text: bytes) -> None:
             loop.call_soon_threadsafe(self._line, text, time.time())
@@ -105,8 +105,8 @@ def _diagnose_local_agent(carrier: Carrier, before: Sequence[str]) -> str:
     try:
         result = carrier.run([*before, sys.executable, "-I", "-c", agent.BOOT])
     except OSError as error:
-        return f"the program that listens does not start on this computer: {error}"
-    return f"the program that listens has ended on this computer: {last_line(result.err) or f'exit {result.rc}'}"
+        return f"the listener program did not start on this computer: {error}"
+    return f"the listener program exited on this computer: {last_line(result.err) or f'exit {result.rc}'}"
 
 
 def last_line(data: bytes) -> str:
@@ -145,13 +145,13 @@ def _diagnose_gateway_agent(way: _gateway_access.GatewayAccess, carrier: Carrier
     except _gateway_access.GatewayUnreachable as why:
         return results.in_words(why)
     if result.overdue:
-        return f"{way.name} did not answer in time"
+        return f"{way.name} did not respond in time"
     if result.rc == _NO_SUCH:
-        return f"{way.name} has no python3; on it: `apt-get install python3`"
+        return f"{way.name} has no python3; there: `apt-get install python3`"
     if way.sudo and b"sudo" in result.err:
         rule = "`echo '%sudo ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`"
-        return f"whoever logs in on {way.name} does not become root without a password; on it, as root: {rule}"
-    return f"the program that listens has ended on {way.name}: {last_line(result.err) or f'exit {result.rc}'}"
+        return f"the login user on {way.name} cannot become root without a password; there, as root: {rule}"
+    return f"the listener program exited on {way.name}: {last_line(result.err) or f'exit {result.rc}'}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,7 +301,7 @@ class RealTransport:
     ) -> Mapping[str, probes.Answer]:
         """Run all requests of one place in one turn; see `Ears.ask`."""
         name = self._name(place, host)
-        self.notify(events.Event(name, events.Stage.CONNECTING, f"{len(questions)} questions, which only read"))
+        self.notify(events.Event(name, events.Stage.CONNECTING, f"{len(questions)} read-only requests"))
         try:
             answers = await self._ask(place, host, questions, result)
         except NetcfgError as why:
@@ -310,7 +310,7 @@ class RealTransport:
         if place is not probes.Place.ROUTER:  # whose sessions tell by themselves
             silent = sum(answer.trouble is probes.Trouble.NO_PLACE for answer in answers.values())
             stage = events.Stage.FAILED if silent else events.Stage.DONE
-            self.notify(events.Event(name, stage, f"{len(answers) - silent} of {len(answers)} questions were asked"))
+            self.notify(events.Event(name, stage, f"{len(answers) - silent} of {len(answers)} requests were sent"))
         return answers
 
     async def _ask(

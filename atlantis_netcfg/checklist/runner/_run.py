@@ -42,15 +42,15 @@ def unfit(entry: PlanEntry, questions: Sequence[probes.Question]) -> str | None:
     names = [question.name for question in questions]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        return f"two questions are called `{twice}`"
+        return f"two requests have the name `{twice}`"
     return next((reason for request in questions if (reason := _refusal_reason(entry, request)) is not None), None)
 
 
 def _refusal_reason(entry: PlanEntry, question: probes.Question) -> str | None:
     if isinstance(question, probes.RunProgram) and not is_allowed(question.argv):
-        return f"`{' '.join(question.argv)}` is not on the list of reading programs"
+        return f"`{' '.join(question.argv)}` is not on the list of read-only programs"
     if isinstance(question, probes.RouterOsQuery) and not _is_reading_query(question.query):
-        return f"`{question.query.path}` is no reading command"
+        return f"`{question.query.path}` is not a read-only command"
     if isinstance(question, probes.Listen):
         return _elsewhere(entry.cell, question) or find_refusal(
             question, active=entry.item.kind is report.ItemKind.ACTIVE
@@ -75,13 +75,13 @@ def _is_reading_query(query: Query) -> bool:
 def _elsewhere(cell: probes.Cell, listen: probes.Listen) -> str | None:
     """Return a refusal if a port or device to listen to is not in the inventory."""
     if listen.transport == "tcp" and listen.address not in {str(address) for address in _known_addresses(cell)}:
-        return f"the address {listen.address or 'that it asks'} is not declared at {cell.site}"
+        return f"the address {listen.address or 'that it requests'} is not in the inventory of {cell.site}"
     if listen.transport == "serial" and listen.device not in {
         str(of_endpoint) for of_endpoint in _of_endpoints(cell, "device")
     }:
-        return f"the serial port {listen.device} is not declared"
+        return f"the serial port {listen.device} is not in the inventory"
     if listen.transport == "udp" and listen.port not in set(_of_endpoints(cell, "port")):
-        return f"the UDP port {listen.port} is not declared"
+        return f"the UDP port {listen.port} is not in the inventory"
     return None
 
 
@@ -91,7 +91,7 @@ def _foreign(cell: probes.Cell, question: probes.DdsDiscoverRequest) -> str | No
     if question.address not in {str(getattr(local, name, None)) for name in ("address", "vpn_address")}:
         return f"the address {question.address} is not that of the gateway computer of {cell.site}"
     dds = cell.inventory.pilot.dds
-    return None if dds is not None and dds.domain == question.domain else "it is not the declared domain of DDS"
+    return None if dds is not None and dds.domain == question.domain else "it is not the DDS domain of the inventory"
 
 
 def _not_ours(cell: probes.Cell, question: probes.ReflectRequest) -> str | None:
@@ -101,7 +101,7 @@ def _not_ours(cell: probes.Cell, question: probes.ReflectRequest) -> str | None:
     computers = [host.device for host in cell.inventory.hosts.values() if isinstance(host.device, ServerComputer)]
     if question.address in {str(computer.vpn_address) for computer in computers} and question.port == REFLECTOR_PORT:
         return None
-    return f"{question.address}, UDP port {question.port}, is no gateway or control centre in the VPN"
+    return f"{question.address}, UDP port {question.port}, is not a gateway or control centre in the VPN"
 
 
 def _known_addresses(cell: probes.Cell) -> Iterator[object]:
@@ -126,7 +126,7 @@ def _of_endpoints(cell: probes.Cell, field: str) -> Iterator[object]:
 
 LIMIT_S: Final = 1800.0
 """Limit for a place that does not return by itself; its transport has limits of its own, far below this one."""
-_OURS: Final = "this is our fault, not a mistake of yours: please tell us"
+_OURS: Final = "this is a bug in this program, not a mistake of yours: please report it"
 
 
 def utc_now() -> datetime:
@@ -247,12 +247,12 @@ class _Turn:
                 )
         except Exception as fault:  # noqa: BLE001 - the other places go on
             if limit.expired():
-                late = f"nothing came back within {LIMIT_S:g} s"
+                late = f"no response within {LIMIT_S:g} s"
                 self._deliver_answers(batch, {key: trouble_answer(question, late) for key, question in questions})
             for item, _ in (waiter for waiters in batch.wait.values() for waiter in waiters):
                 self._fail(item, fault)
             return
-        rest = {key: trouble_answer(question, "nothing came back") for key, question in questions if key not in answers}
+        rest = {key: trouble_answer(question, "no response") for key, question in questions if key not in answers}
         self._deliver_answers(batch, {**rest, **answers})
 
     def judge_item(self, item: _Open) -> report.Item:
@@ -261,14 +261,16 @@ class _Turn:
             if item.fault is not None:
                 raise item.fault  # noqa: TRY301 - it is told as any fault is
             if item.unfit is not None:
-                return self._error_item(item, "not-allowed", f"this probe asks what it may not: {item.unfit}", _OURS)
+                return self._error_item(
+                    item, "not-allowed", f"this probe requests what is not allowed: {item.unfit}", _OURS
+                )
             assert item.entry.step.probe is not None  # noqa: S101 - `examine` has looked
             result = item.entry.step.probe.judge(item.answers)
         except Exception as fault:  # noqa: BLE001 - the other items go on
             crash = self._record_crash(fault, item.entry.item.id)
             return self._error_item(item, "crashed", str(crash), crash.hint)
         if not result.findings:
-            return self._error_item(item, "no-verdict", "this probe came to no verdict", _OURS)
+            return self._error_item(item, "no-verdict", "this probe gave no verdict", _OURS)
         return self._settle(item, result)
 
     def _record_crash(self, fault: BaseException, name: str) -> InternalError:

@@ -145,7 +145,7 @@ def _default(command_line: Sequence[str], table: Mapping[str, str]) -> tuple[str
         if name in table and name != DEFAULT:
             others = (argument for argument in command_line if argument not in name.split())
             hint = shlex.join(["provision", *name.split(), *others])
-            raise errors.UsageError(f"`{name}` is a command: put it before its words", hint=f"type `{hint}`")
+            raise errors.UsageError(f"`{name}` is a command: put it before its arguments", hint=f"type `{hint}`")
     return DEFAULT, list(command_line)
 
 
@@ -162,11 +162,11 @@ def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: 
     if near is None and (second := errors.nearest(words[0], [name.split()[-1] for name in table])):
         near = _possible_names(second, table)[0]
     if longer and (near not in longer or len(words) == 1):
-        hint = f"`{words[0]}` is followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
+        hint = f"`{words[0]}` must be followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
     elif (line := _meant_line(command_line, places[0], near, table)) is not None:
         hint = f"did you mean `{line}`?"
     else:
-        hint = "`provision --help` lists the commands; a site is typed as `site=NAME`"
+        hint = "`provision --help` lists the commands; give a site as `site=NAME`"
     return errors.UsageError(f"unknown command `{' '.join(words[:2] if longer else words[:1])}`", hint=hint)
 
 

@@ -73,7 +73,7 @@ def read_line(question: str) -> str | None:
     except EOFError:
         return None
     except KeyboardInterrupt as stop:
-        raise ConsentRefusal(f"stopped by {signal_of(stop)} at the question, so nothing was changed") from stop
+        raise ConsentRefusal(f"interrupted by {signal_of(stop)} at the prompt; nothing was changed") from stop
 
 
 def yes_or_no(question: str, read: Callable[[str], str | None] = read_line, say: Callable[[str], None] = print) -> bool:
@@ -91,7 +91,7 @@ def whole_word(
 ) -> bool:
     """Ask about something with consequences: only the whole word agrees, as the prompt says."""
     display_word = shown_word(word)
-    how = translate(f"Type {display_word} to go on (the whole word), or {shown_word(NO)}:")
+    how = translate(f"Type {display_word} (the whole word) to continue, or {shown_word(NO)}:")
     again = translate(f"  type the whole word {display_word}, or {shown_word(NO)}")
     shown_question = translate(question)
     gap = " " if len(f"{shown_question} {how}") <= _ROOM else "\n  "
@@ -123,11 +123,11 @@ def require_agreement(question: str) -> None:
     """Ask for consent. Raises ConsentRefusal, or UsageError if there is no terminal."""
     if not sys.stdin.isatty():
         raise UsageError(
-            "nobody is here to agree to these changes, so nothing was changed",
-            hint="look at what would change, then type the same with `--yes`",
+            "no terminal to confirm these changes; nothing was changed",
+            hint="review the changes, then run the same command with `--yes`",
         )
     if not whole_word(question):
-        raise ConsentRefusal("not agreed, so nothing was changed")
+        raise ConsentRefusal("not confirmed; nothing was changed")
 
 
 def pay(words: Sequence[str], *, is_accepted: bool, as_json: bool) -> None:
@@ -140,7 +140,7 @@ def pay(words: Sequence[str], *, is_accepted: bool, as_json: bool) -> None:
 
 def _show_costs(words: Sequence[str]) -> None:
     for each in words:
-        print(translate(f"This goes {each}"), flush=True)
+        print(translate(f"Traffic: {each}"), flush=True)
 
 
 def confirm_cost(words: Sequence[str], *, ask: bool) -> None:
@@ -148,7 +148,7 @@ def confirm_cost(words: Sequence[str], *, ask: bool) -> None:
     if not ask or not sys.stdin.isatty():
         raise unpaid(words)
     _show_costs(words)
-    if not whole_word("Pay for it?", word=PAY):
+    if not whole_word("Accept the cost?", word=PAY):
         raise unpaid(words)
 
 
@@ -156,10 +156,10 @@ def confirm_removal(words: Sequence[str], *, ask: bool) -> None:
     """Ask for consent to remove rows. Raises ConsentRefusal, or UsageError without a terminal."""
     if not ask or not sys.stdin.isatty():
         raise UsageError(
-            f"nobody is here to agree to this, so nothing was changed: {'; '.join(words)}",
-            hint="look at them with `--plan`, then type the same with `--yes --remove-foreign`",
+            f"no terminal to confirm this; nothing was changed: {'; '.join(words)}",
+            hint="review them with `--plan`, then run the same command with `--yes --remove-foreign`",
         )
     for each in words:
         print(translate(each))
     if not whole_word("Remove them?", word=REMOVE):
-        raise ConsentRefusal("not agreed, so nothing was changed")
+        raise ConsentRefusal("not confirmed; nothing was changed")

@@ -100,11 +100,11 @@ class CommandInterrupt(DeviceError):
 
     def __init__(self, stop: KeyboardInterrupt, changed_devices: Sequence[str]) -> None:
         summary = (
-            f"what was read back of {', '.join(dict.fromkeys(changed_devices))} stays"
+            f"verified changes on {', '.join(dict.fromkeys(changed_devices))} remain"
             if changed_devices
             else "nothing was changed"
         )
-        super().__init__(f"stopped by {signal_of(stop)}; {summary}")
+        super().__init__(f"interrupted by {signal_of(stop)}; {summary}")
 
 
 def signal_of(stop: KeyboardInterrupt) -> str:
@@ -119,14 +119,13 @@ def report_interrupt(
     """Report that Ctrl-C stopped the command, and whether a device may have been changed."""
     how = signal_of(stop)
     if command is not None and command.changes and not _is_harmless(command, command_line):
-        message = f"stopped by {how}; what a device kept is not known here"
+        message = f"interrupted by {how}; the state of the devices is unknown"
         hint = (
-            command.again
-            or "`provision report runs` shows what was confirmed, and how a run that is unfinished goes on"
+            command.again or "`provision report runs` shows what was confirmed, and how to continue an unfinished run"
         )
         _print_errors([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
         return ExitCode.UNKNOWN
-    _print_errors([(f"stopped by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
+    _print_errors([(f"interrupted by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
     return ExitCode.FAILED
 
 
@@ -306,7 +305,7 @@ def _reminder(at_work: list[tuple[events.Event, float]], age_s: float) -> str:
     names = [f"{event.device} ({_step(event, since_s)})" for event, since_s in at_work[:_NAMED_DEVICES]]
     if more := len(at_work) - len(names):
         names.append(translate(f"{more} more"))
-    words = translate(f"still at work, {age_s:.0f} s without news")
+    words = translate(f"still running, no news for {age_s:.0f} s")
     return f"  {words}" + (f": {', '.join(names)}" if names else "")
 
 

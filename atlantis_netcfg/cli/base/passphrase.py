@@ -19,9 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.common.vault import Vault
 
 
-PASSPHRASE_FD = syntax.Flag(
-    "passphrase-fd", "read the passphrase from this open file descriptor instead of asking", takes="N"
-)
+PASSPHRASE_FD = syntax.Flag("passphrase-fd", "read the passphrase from this open file descriptor", takes="N")
 _MOST = 1024
 _WORDS = "the passphrase of the CA key"
 
@@ -52,10 +50,10 @@ def choose_passphrase(arguments: syntax.Arguments, check: Callable[[Secret], Non
         check(only)
         return only
     _require_person(_WORDS)
-    first = _read_secret(f"Choose {_WORDS} (six words that a die has chosen, for instance): ")
+    first = _read_secret(f"Choose {_WORDS} (for example six dice-selected words): ")
     check(first)
     if _read_secret("The same again: ") != first:
-        raise UsageError("the two are not the same, so nothing was made", hint="type the command again")
+        raise UsageError("the two entries differ; nothing was created", hint="run the command again")
     return first
 
 
@@ -70,8 +68,8 @@ def vault_of(arguments: syntax.Arguments) -> Vault:
     if not sys.stdin.isatty():
         if insist:
             raise UsageError(
-                "the vault's password is needed, and nobody is here to type it",
-                hint="type the command on a terminal, or name a file: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
+                "the vault password is needed, and there is no terminal to type it",
+                hint="run the command on a terminal, or name a file: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
             )
         return Vault()
     return Vault(_vault_password if insist or not arguments.has_flag(syntax.JSON) else None, insist=insist)
@@ -79,7 +77,7 @@ def vault_of(arguments: syntax.Arguments) -> Vault:
 
 def _vault_password(vault_id: str) -> Secret:
     suffix = "" if vault_id == "default" else f" ({vault_id})"
-    return _read_secret(f"Password of the inventory's vault{suffix}: ")
+    return _read_secret(f"Password of the inventory vault{suffix}: ")
 
 
 def _descriptor_number(arguments: syntax.Arguments) -> int | None:
@@ -88,7 +86,7 @@ def _descriptor_number(arguments: syntax.Arguments) -> int | None:
         return None
     if not (text.isascii() and text.isdecimal()) or len(text) > 6:  # noqa: PLR2004 - more than any system has
         raise UsageError(
-            f"`--passphrase-fd {text}` is no number of a file descriptor", hint="as in `--passphrase-fd 3 3<FILE`"
+            f"`--passphrase-fd {text}` is not a file descriptor number", hint="example: `--passphrase-fd 3 3<FILE`"
         )
     return int(text)
 
@@ -96,8 +94,8 @@ def _descriptor_number(arguments: syntax.Arguments) -> int | None:
 def _require_person(what: str) -> None:
     if not sys.stdin.isatty():
         raise UsageError(
-            f"{what} is needed, and nobody is here to type it",
-            hint="type the command on a terminal, or hand it over as in `--passphrase-fd 3 3<FILE`",
+            f"{what} is needed, and there is no terminal to type it",
+            hint="run the command on a terminal, or pass it as in `--passphrase-fd 3 3<FILE`",
         )
 
 
@@ -118,18 +116,22 @@ def _read(number: int) -> Secret:
             data += more
     except OSError as error:
         raise UsageError(
-            f"file descriptor {number} cannot be read: {error.strerror}", hint="as in `--passphrase-fd 3 3<FILE`"
+            f"cannot read file descriptor {number}: {error.strerror}", hint="example: `--passphrase-fd 3 3<FILE`"
         ) from error
     line = data.partition(b"\n")[0].removesuffix(b"\r")
     if len(line) > _MOST:
-        raise UsageError(f"what file descriptor {number} gives is too long for a passphrase", hint="one line is read")
+        raise UsageError(
+            f"the input of file descriptor {number} is too long for a passphrase", hint="only one line is read"
+        )
     try:
         return _require_nonempty(line.decode())
     except UnicodeDecodeError:
-        raise UsageError(f"what file descriptor {number} gives is no text", hint="one line of UTF-8 is read") from None
+        raise UsageError(
+            f"the input of file descriptor {number} is not text", hint="only one line of UTF-8 text is read"
+        ) from None
 
 
 def _require_nonempty(text: str) -> Secret:
     if not text:
-        raise UsageError("the passphrase is empty", hint="type the command again")
+        raise UsageError("the passphrase is empty", hint="run the command again")
     return Secret(text)

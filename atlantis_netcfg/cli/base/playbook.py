@@ -108,7 +108,7 @@ class _Ansible:
         self._playbook = paths.resource("playbooks") / "site.yml"
         if not self._playbook.is_file():
             raise errors.UsageError(
-                f"there is no {self._playbook}", hint="run `provision` from a checkout of the toolkit"
+                f"no such playbook: {self._playbook}", hint="run `provision` from a checkout of the toolkit"
             )
         self._inventory = str(inventory)
         import_ansible()
@@ -166,14 +166,14 @@ class _Ansible:
             except AnsibleError as error:
                 reason = str(error)
             except KeyboardInterrupt:
-                reason = f"stopped by {control.stopped_by}"
+                reason = f"interrupted by {control.stopped_by}"
             finally:
                 for number in inheritable:
                     os.set_inheritable(number, True)
         if control.stopped_by and reason:
-            reason = f"stopped by {control.stopped_by}"
+            reason = f"interrupted by {control.stopped_by}"
         elif "dead state" in reason:
-            reason = "the process that worked on it was killed"
+            reason = "the process working on it was killed"
         return reason, output.getvalue().strip()
 
     def _set_options(self, variables: Mapping[str, Any], names: Sequence[str], *, check: bool = False) -> None:

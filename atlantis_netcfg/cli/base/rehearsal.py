@@ -35,7 +35,7 @@ def announce(session: CommandSession) -> None:
     if not session.as_json:
         sites = {host.site for host in session.hosts}
         titles = ", ".join(site.title for name, site in session.inventory.sites.items() if name in sites)
-        words = f"Rehearsal of {session.site} ({titles}): emulated devices, nothing real is contacted"
+        words = f"Rehearsal of {session.site} ({titles}): emulated devices, no real device is contacted"
         print(translate(words), flush=True)
 
 
@@ -49,7 +49,7 @@ def _again(session: CommandSession, emulators: Rehearsal, first: RunReport) -> R
     )
     for number, name in enumerate(links, 1):
         if not session.as_json:
-            words = f"Second run {number} of {len(links)}, over {name}: nothing may be left to change"
+            words = f"Repeated run {number} of {len(links)}, over {name}: no change may be left"
             print(translate(words), file=sys.stderr, flush=True)
         via = {
             host.name: name for host in session.contacted_hosts if name in {LAN.name, *_link_names(session, host.site)}

@@ -84,7 +84,7 @@ class CommandSession:
         self.hosts = tuple(host for host in self.hosts if host.name in names)
         if not self.hosts:
             raise errors.NoMatchError(
-                "nothing to do for any device of that run", hint="`provision report runs` lists what is there"
+                "nothing to do for any device of that run", hint="`provision report runs` lists the runs"
             )
 
     @property
@@ -189,7 +189,7 @@ class CommandSession:
             if strict
             else {errors.ExitCode.DONE, errors.ExitCode.CHECKS_FAILED, errors.ExitCode.NOTHING}
         ):
-            raise errors.NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
+            raise errors.NetcfgError(f"cannot configure the emulated devices:\n{report.as_text()}")
 
     def _refuse_early(self, request: Request) -> None:
         """Raise errors that can be known before anything is started: a wrong link, a site that is locked."""
@@ -259,7 +259,7 @@ class CommandSession:
         report = self.perform(Mode.PLAN)
         self.show_plan(report)
         if self._exports() != before:
-            raise errors.NetcfgError("planning has changed an emulated device: this must never happen")
+            raise errors.NetcfgError("internal error: planning changed an emulated device")
         if self.is_rehearsal and not self.as_json:
             print(translate("the emulated device is unchanged, byte for byte"))
         return report
@@ -418,9 +418,8 @@ def _refuse_outdated(plan_report: RunReport, saved_plans: Mapping[str, str], aga
     changed_names = [name for name in other if name not in silent]
     if changed_names:
         raise OutdatedPlan(
-            "nothing was changed: "
-            f"what would be done on {', '.join(changed_names)} is no longer what the saved plan says",
-            hint=f"make a new plan, and look at it: `{again}`",
+            f"nothing was changed: {', '.join(changed_names)} changed since the plan was saved",
+            hint=f"make a new plan and review it: `{again}`",
         )
 
 
@@ -473,7 +472,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
                     emulators = stack.enter_context(rehearsal(pilot_inventory, hosts, via, notify, replay))
             elif arguments.has_flag(syntax.PROFILE):
                 raise errors.UsageError(
-                    "`--profile` is for rehearsals: a real link is what it is", hint="add --rehearse"
+                    "`--profile` applies to rehearsals only: a real link cannot be emulated", hint="add --rehearse"
                 )
             yield CommandSession(
                 arguments,
@@ -529,8 +528,8 @@ def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) 
     named_hosts = [f"{host.name} ({host.device.kind.replace('_', ' ')})" for host in passed_over if host.name in only]
     if named_hosts and len(passed_over) < len(hosts):
         raise errors.NoMatchError(
-            f"`provision {command}` does nothing with {', '.join(named_hosts)}", hint="leave it out of `device=`"
+            f"`provision {command}` does not apply to {', '.join(named_hosts)}", hint="remove it from `device=`"
         )
     if len(passed_over) == len(hosts):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
-        raise errors.NoMatchError(f"nothing to do: no role handles these devices yet ({kinds})")
+        raise errors.NoMatchError(f"nothing to do: these devices are not supported yet ({kinds})")

@@ -83,34 +83,30 @@ class Flag:
         return f"-{self.short}, --{self.name}{value}" if self.short else f"--{self.name}{value}"
 
 
-INVENTORY = Word(
-    "inventory", "folder of the declaration; if left out, the checkout's own, or ./inventory where installed"
-)
-DEVICES = Word("device", "only these devices of it", many=True, example="coastal-router")
-VIA = Word("via", "the bearer over which you work, where it is not the declared one", example="4g")
-JSON = Flag("json", "print one JSON object instead of text, on errors as well")
+INVENTORY = Word("inventory", "inventory folder (default: this checkout's, else ./inventory)")
+DEVICES = Word("device", "only these devices of the site", many=True, example="coastal-router")
+VIA = Word("via", "the link you work over, if not the one in the inventory", example="4g")
+JSON = Flag("json", "print one JSON object instead of text, also on errors")
 STREAM = Flag(
     "stream", "with --json: also one line for each device as soon as it has ended; the object is the last line"
 )
-WITHOUT_PROTECTION = Flag(
-    "without-protection", "change a device even though nothing would take the change back if it went wrong"
-)
-ACCEPT_COST = Flag("accept-cost", "allow traffic over a link that is paid by the byte; `--yes` does not allow it")
+WITHOUT_PROTECTION = Flag("without-protection", "change a device even without automatic rollback")
+ACCEPT_COST = Flag("accept-cost", "accept traffic over a metered link (`--yes` does not)")
 REMOVE_FOREIGN = Flag(
     "remove-foreign",
-    "remove rows of others by the hundred from menus that are ours entirely; `--yes` does not say that",
+    "remove hundreds of foreign rows from managed menus (`--yes` does not)",
 )
-ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's vault, also where a file is named for it")
+ASK_VAULT_PASS = Flag("ask-vault-pass", "ask for the vault password, even if a file is set for it")
 PROFILE = Flag("profile", "with --rehearse: over the link that a run of `provision measure link` measured", takes="RUN")
-SUMMARY = Flag("summary", "only how much would change on each device, and what it costs")
-VERBOSE = Flag("verbose", "say more about each step", short="v")
+SUMMARY = Flag("summary", "only the number of changes for each device, and the cost")
+VERBOSE = Flag("verbose", "show details of each step", short="v")
 YES = Flag("yes", "do not ask before changing devices")
 CHANGE = (ACCEPT_COST, WITHOUT_PROTECTION, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE)
 """Flags of every command that changes devices under automatic rollback."""
 
 FRAME = (
-    Flag("lang", "the language of what is printed; else that of LANG", takes="en|pt"),
-    Flag("help", "print this text", short="h"),
+    Flag("lang", "output language (default: from LANG)", takes="en|pt"),
+    Flag("help", "show this help", short="h"),
 )
 """Flags that every command takes, without declaring them."""
 
@@ -357,10 +353,10 @@ class _WordReader:
     def _require_words(self) -> None:
         for word in self.command.words:
             if word.is_required and word.name not in self.words and word.name not in self._misspelt:
-                self._error(f"`{word.name}=` is missing: {word.help}", f"add it, as in `{word.hint}`")
+                self._error(f"`{word.name}=` is missing: {word.help}", f"add it, for example `{word.hint}`")
 
     def _help_hint(self) -> str:
-        return f"`provision {self.command.name} --help` lists what it takes"
+        return f"`provision {self.command.name} --help` lists its arguments and options"
 
 
 def _bare(rest: list[str]) -> str:

@@ -25,7 +25,7 @@ CHECK = syntax.CommandSpec(
         syntax.Word("vehicle", "only these vehicles", many=True, example="sparus"),
         syntax.Word(
             "endpoint",
-            "only these columns of Table 3, the Ethernet beside it, the site's own checks, robots, or declared items",
+            "only these columns of Table 3, or these other groups",
             many=True,
             choices=(
                 *("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps"),
@@ -34,12 +34,12 @@ CHECK = syntax.CommandSpec(
         ),
         syntax.Word(
             "phase",
-            "only what is due there; recovery and integration (of one vehicle) are lists of their own",
+            "only this phase (recovery, integration: separate lists)",
             many=True,
             choices=("bench", "quay", "in-water", "recovery", "integration"),
         ),
-        syntax.Word("mission", "with the items that the site declares for this mission", example="night"),
-        syntax.Word("break", "rehearsal: break these things first, for training", many=True, example="rogue-dhcp"),
+        syntax.Word("mission", "include the site's items for this mission", example="night"),
+        syntax.Word("break", "rehearsal: simulate these faults first, for training", many=True, example="rogue-dhcp"),
         syntax.VIA,
         syntax.INVENTORY,
     ),
@@ -54,9 +54,9 @@ CHECK = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "Each result and each answer is kept at once; type the same again to go on after a break. Nothing is sent into "
-        "the water, and nothing is paid for, without a person's word. Exit code 0: all is green or taken on somebody's "
-        "word, 6: something is not, or is open, 7: nothing was checked."
+        "Each result and answer is saved at once; after an interruption, run the same command again to continue. "
+        "Nothing is transmitted into the water and no cost arises without a person's consent. Exit code 0: every "
+        "item passed or was overridden, 6: an item did not pass or is open, 7: nothing was checked."
     ),
 )
 
@@ -70,10 +70,10 @@ def run_check(arguments: syntax.Arguments) -> ExitCode:
 
 REPORT_LIST = syntax.CommandSpec(
     "report checklists",
-    "list a site's checklists, their signatures and changes",
+    "list a site's checklists with signatures and changes",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("vehicle", "only what was found of this vehicle", example="sparus"),
+        syntax.Word("vehicle", "only results of this vehicle", example="sparus"),
     ),
     flags=(syntax.Flag("rehearse", "those of rehearsals instead of real ones"), syntax.JSON),
 )
@@ -88,7 +88,7 @@ def run_report_list(arguments: syntax.Arguments) -> ExitCode:
     every = check_run.kept_of(check_run.store(is_rehearsal=is_rehearsal), site, is_rehearsal=is_rehearsal)
     rows = [row for item in every if (row := _listed_row(item, vehicle)) is not None]
     if not rows:
-        raise NoMatchError(f"no checklist of `{site}` has looked at `{vehicle}`", hint="leave out `vehicle=`")
+        raise NoMatchError(f"no checklist of `{site}` includes `{vehicle}`", hint="remove `vehicle=`")
     since = _since(every, vehicle)
     if arguments.flag("json"):
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
@@ -176,10 +176,10 @@ def _change_lines(since: Mapping[str, Any] | None) -> Iterator[str]:
     from atlantis_netcfg.core.language import translate
 
     if since is None:
-        yield translate("there was no green one before the newest")
+        yield translate("no earlier checklist passed")
         return
-    no_change = f"since {since['run']}, which was green: nothing has changed"
-    yield translate(f"since {since['run']}, which was green:" if since["changes"] else no_change)
+    no_change = f"since {since['run']}, which passed: no change"
+    yield translate(f"since {since['run']}, which passed:" if since["changes"] else no_change)
     for item in since["changes"]:
         before, after = (item[key] or translate("none") for key in ("before", "after"))
         yield printable.line(f"  {item['id']}: {before} -> {after}: {translate(item['message'])}")
@@ -190,10 +190,12 @@ REPORT_SHOW = syntax.CommandSpec(
     "show a stored checklist",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("run", "which one; the newest if left out", example="20260504T093000Z"),
+        syntax.Word("run", "which checklist (default: the newest)", example="20260504T093000Z"),
     ),
     flags=(syntax.Flag("rehearse", "one of a rehearsal instead of a real one"), syntax.JSON),
-    details="Exit code as that of the checklist: 0 all green, 6 not, 7 nothing was checked.",
+    details=(
+        "Exit code as for the checklist: 0: every item passed or was overridden, 6: not all, 7: nothing was checked."
+    ),
 )
 
 
@@ -211,7 +213,7 @@ def run_report_show(arguments: syntax.Arguments) -> ExitCode:
     item = check_run.run_of(every, arguments.optional("run"))
     if item.document is None:
         raise DeviceError(
-            f"the checklist {item.run} cannot be read: {item.why}", hint="look at it with `provision report verify`"
+            f"cannot read the checklist {item.run}: {item.why}", hint="check it with `provision report verify`"
         )
     if arguments.flag("json"):
         print(json_text({**check_run.as_json(item.document), "errors": []}))
@@ -226,19 +228,20 @@ REPORT_VERIFY = syntax.CommandSpec(
     "verify the signatures of checklists and their files",
     words=(
         syntax.Word("site", "only those of this site", example="coastal"),
-        syntax.Word("run", "only this one", example="20260504T093000Z"),
-        syntax.Word("file", "a report.json that came by mail, in place of what is kept here", example="report.json"),
+        syntax.Word("run", "only this checklist", example="20260504T093000Z"),
+        syntax.Word("file", "a report.json received by mail, instead of the local ones", example="report.json"),
         syntax.Word(
             "key",
-            "one of these keys must have signed, by fingerprint; this computer's if left out",
+            "fingerprints of accepted keys (default: this computer's)",
             many=True,
             example="SHA256:…",
         ),
     ),
     flags=(syntax.JSON,),
     details=(
-        "Real and rehearsed checklists alike. Exit code 0: as signed, 6: something is not, and which file it is, 7: "
-        "nothing was signed. Compare the fingerprint of a key with whoever signed, never with the file itself."
+        "Covers real and rehearsed checklists. Exit code 0: unchanged since signing, 6: a file does not match "
+        "its signature, 7: nothing was signed. Compare the fingerprint of a key with the person who signed, "
+        "never with the file itself."
     ),
 )
 
@@ -250,7 +253,7 @@ def run_report_verify(arguments: syntax.Arguments) -> ExitCode:
     file = arguments.optional("file")
     rows = [_file_row(arguments, file)] if file is not None else list(_local_rows(arguments))
     if not rows:
-        raise NoMatchError("nothing was signed", hint="`provision check site=NAME` ends with a signature")
+        raise NoMatchError("nothing was signed", hint="`provision check site=NAME` ends with signing")
     code = ExitCode.CHECKS_FAILED if any(row["troubles"] for row in rows) else ExitCode.DONE
     if arguments.flag("json"):
         print(json_text({"exit": int(code), "errors": [], "verified": rows}))
@@ -295,8 +298,8 @@ def _file_row(arguments: syntax.Arguments, name: str) -> dict[str, Any]:
     try:
         data = path.read_bytes()
     except OSError as error:
-        hint = "name a report.json of a checklist"
-        raise UsageError(f"`{name}` cannot be read: {error.strerror}", hint=hint) from error
+        hint = "give the report.json of a checklist"
+        raise UsageError(f"cannot read `{name}`: {error.strerror}", hint=hint) from error
     try:
         document = Document.model_validate_json(data)
     except ValueError:
@@ -332,7 +335,7 @@ def _lines(row: Mapping[str, Any]) -> Iterator[str]:
     if not row["troubles"]:
         signature = row["signed"]
         at = time_text(datetime.fromisoformat(signature["at"]), row["time_zone"])
-        words = f"{row['name']}{rehearsal_note}: as {signature['by']} signed it at {at}, key {signature['key']}"
+        words = f"{row['name']}{rehearsal_note}: as signed by {signature['by']} at {at}, key {signature['key']}"
         yield printable.line(translate(words))
         return
     yield printable.line(translate(f"{row['name']}{rehearsal_note}: NOT VERIFIED ({row['place']})"))

@@ -51,15 +51,15 @@ def refuse_faults(faults: Sequence[str], *, is_rehearsal: bool) -> None:
     if not faults:
         return
     if not is_rehearsal:
-        raise UsageError("`break=` is for rehearsals: nothing real is broken on purpose", hint="add --rehearse")
+        raise UsageError("`break=` is for rehearsals only: no fault is caused on real devices", hint="add --rehearse")
     from atlantis_netcfg.checklist.runner.simulated import FAULTS
 
     for fault in faults:
         if fault not in FAULTS:
             near = nearest(fault, FAULTS)
-            fault_list = "\n".join(["it takes:", *(f"{name:<20} {item.words}" for name, item in FAULTS.items())])
+            fault_list = "\n".join(["possible values:", *(f"{name:<20} {item.words}" for name, item in FAULTS.items())])
             raise UsageError(
-                f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else fault_list
+                f"`break={fault}`: unknown fault", hint=f"did you mean `break={near}`?" if near else fault_list
             )
 
 
@@ -75,17 +75,19 @@ def refuse_absent(faults: Sequence[str], every: Checklist, scope: Scope) -> None
     here = {entry.item.id for entry in every.entries}
     for fault in faults:
         if not any(turn.replace("SITE", every.site) in here for turn in FAULTS[fault].turns):
-            what = f"`break={fault}`: {every.site} has nothing to break there ({FAULTS[fault].words})"
+            what = f"`break={fault}`: does not apply to {every.site} ({FAULTS[fault].words})"
             raise UsageError(
-                what, hint="faults are told for the coastal testbed of the shipped inventory: try site=coastal"
+                what, hint="faults are defined for the coastal testbed of the shipped inventory: try site=coastal"
             )
         rows = {turn.partition("/")[0] for turn in FAULTS[fault].turns}
         if report.Phase.INTEGRATION in scope.phases and not rows.intersection(scope.vehicles):
             others = rows - {"SITE"}
-            hint = f"it is for the record of `vehicle={min(others)}`" if others else "it is for the site's checklist"
-            raise UsageError(
-                f"`break={fault}` breaks nothing of {scope.vehicles[0]} ({FAULTS[fault].words})", hint=hint
+            hint = (
+                f"it belongs to the record of `vehicle={min(others)}`"
+                if others
+                else "it belongs to the site's checklist"
             )
+            raise UsageError(f"`break={fault}` does not affect {scope.vehicles[0]} ({FAULTS[fault].words})", hint=hint)
 
 
 def broken(faults: Sequence[str]) -> tuple[str, ...]:
@@ -196,11 +198,11 @@ def kept_of(where: runs.Store, site: str, *, is_rehearsal: bool) -> tuple[SavedC
     other = (
         ""
         if is_rehearsal or site not in sites_with(store(is_rehearsal=True))
-        else "; add --rehearse for rehearsed ones"
+        else "; add --rehearse to see rehearsed ones"
     )
     raise NoMatchError(
         f"there is no {'rehearsed ' if is_rehearsal else ''}checklist of `{site}`",
-        hint=_suggest(site, sites, "there are checklists of") + (other or begins),
+        hint=_suggest(site, sites, "checklists exist for") + (other or begins),
     )
 
 
@@ -212,7 +214,7 @@ def run_of(entries: Sequence[SavedChecklist], run: str | None) -> SavedChecklist
         if entry.run == run:
             return entry
     raise NoMatchError(
-        f"there is no checklist {run}", hint=_suggest(run, [item.run for item in entries[-5:]], "the latest")
+        f"no such checklist: {run}", hint=_suggest(run, [item.run for item in entries[-5:]], "the latest")
     )
 
 
@@ -249,9 +251,9 @@ def greet(prompt: workflow.Prompt, book: ChecklistSession) -> None:
         prompt.say(translate(book.words))
     later, back = shown_word(workflow.LATER), shown_word(workflow.BACK)
     for words in (
-        f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.",
-        f"Every answer is kept at once. `{later}` leaves the rest for another time,",
-        f"as Ctrl+C does. `{back}` goes to the question before, to correct an answer.",
+        f"{len(items) - waiting} of {len(items)} items are complete, {waiting} are open.",
+        f"Every answer is saved at once. `{later}` leaves the rest for another time,",
+        f"as Ctrl+C does. `{back}` returns to the previous question, to correct an answer.",
     ):
         prompt.say(translate(words))
 
@@ -273,7 +275,7 @@ def signer_at(
     while not any(item.open and item.override is None for item in book.items):
         prompt.say(f"\n{report.lines(book.document())}\n")
         try:
-            return prompt.name_of(signers) if prompt.agrees("Nothing is open. Sign it as it stands?") else None
+            return prompt.name_of(signers) if prompt.agrees("No item is open. Sign the checklist as it is?") else None
         except workflow.PromptAbort:
             return None
         except workflow.PromptBack:
@@ -336,11 +338,11 @@ def _next(arguments: Arguments, document: report.Document) -> Iterator[str]:
     if document.signed is not None:
         words = _begin_anew(report.to_look_at(document)[1])
     elif waiting == 1:
-        words = "NOT SIGNED: 1 item is open. To go on and to sign, type on a terminal:"
+        words = "NOT SIGNED: 1 item is open. To continue and sign, run on a terminal:"
     elif waiting:
-        words = f"NOT SIGNED: {waiting} items are open. To go on and to sign, type on a terminal:"
+        words = f"NOT SIGNED: {waiting} items are open. To continue and sign, run on a terminal:"
     else:
-        words = "NOT SIGNED: nothing is open. To sign, type on a terminal:"
+        words = "NOT SIGNED: no item is open. To sign, run on a terminal:"
     yield translate(words)
     yield f"  {again(arguments, _NOT_AT_A_TERMINAL)}"
 
@@ -348,13 +350,13 @@ def _next(arguments: Arguments, document: report.Document) -> Iterator[str]:
 def _begin_anew(bad: Sequence[report.Item]) -> str:
     """Return the suggestion after signing a checklist that has not passed; it repeats the worst item."""
     if not bad:
-        return "Nothing was checked. Begin a new checklist; type:"
+        return "Nothing was checked. Start a new checklist; run:"
     worst, others = bad[0].id, len(bad) - 1
     if others == 0:
-        return f"Mend {worst}, then begin a new checklist; type:"
+        return f"Fix {worst}, then start a new checklist; run:"
     if others == 1:
-        return f"Mend {worst} and 1 other, then begin a new checklist; type:"
-    return f"Mend {worst} and {others} others, then begin a new checklist; type:"
+        return f"Fix {worst} and 1 other, then start a new checklist; run:"
+    return f"Fix {worst} and {others} others, then start a new checklist; run:"
 
 
 def _pages(document: report.Document, book: ChecklistSession) -> Mapping[str, bytes]:
@@ -422,7 +424,8 @@ def run_check(arguments: Arguments, prompt: workflow.Prompt | None = None) -> Ex
     refuse_faults(arguments.many("break"), is_rehearsal=arguments.flag("rehearse"))
     if (name := arguments.value("sign-as")) is not None and workflow.doubt_of_name(clean_name(name)):
         raise UsageError(
-            f"`--sign-as {name}`: this is hardly the name of a person", hint="write the name as it shall stand there"
+            f"`--sign-as {name}`: this does not look like a person's name",
+            hint="write the name as it should appear in the report",
         )
     check = PreparedCheck(arguments)
     if prompt is None and _is_interactive(arguments):
@@ -436,8 +439,8 @@ def run_check(arguments: Arguments, prompt: workflow.Prompt | None = None) -> Ex
         ) as site_session:
             return _run_checklist(site_session, check, prompt)
     except KeyboardInterrupt:
-        hint = f"go on with `{again(arguments)}`"
-        raise CheckInterrupt("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
+        hint = f"continue with `{again(arguments)}`"
+        raise CheckInterrupt("interrupted by Ctrl-C; results and answers so far are saved", hint=hint) from None
 
 
 def _is_interactive(arguments: Arguments) -> bool:

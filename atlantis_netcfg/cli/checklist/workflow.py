@@ -45,9 +45,9 @@ _WORDS: Mapping[str, Verdict] = {
     "skip": Verdict.SKIP,
 }
 _NOTES: Mapping[Verdict, str] = {
-    Verdict.WARN: "It holds, but:",
+    Verdict.WARN: "Confirmed, but:",
     Verdict.FAIL: "What was seen instead:",
-    Verdict.INCONCLUSIVE: "Why nobody can tell:",
+    Verdict.INCONCLUSIVE: "Why it cannot be determined:",
     Verdict.SKIP: "Why it does not apply here:",
 }
 """Prompt after a verdict that needs a note."""
@@ -70,8 +70,8 @@ _READY: Mapping[report.Phase, str] = {
     report.Phase.BENCH: "Is everything on the bench and switched on?",
     report.Phase.QUAY: "Is everything at the quay and switched on?",
     report.Phase.WATER: "Is everything in the water and switched on?",
-    report.Phase.RECOVERY: "Is everything back?",
-    report.Phase.INTEGRATION: "Is the robot switched on, and its interface started?",
+    report.Phase.RECOVERY: "Has everything been recovered?",
+    report.Phase.INTEGRATION: "Is the robot switched on, and its interface running?",
 }
 
 
@@ -85,7 +85,7 @@ def confirm(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist.P
     if step.evidence.words:
         prompt.say(translate(f"  give      {step.evidence.words}"))
     if step.by:
-        prompt.say(translate(f"  answers   {', '.join(step.by)}, and nobody else"))
+        prompt.say(translate(f"  answers   {', '.join(step.by)} only"))
     _confirm(book, prompt, entry)
 
 
@@ -122,8 +122,10 @@ def _answer(prompt: Prompt, step: Step) -> checklist.Confirmation:
 def _verdict(prompt: Prompt) -> Verdict:
     """Ask for a verdict; a failure must be confirmed, because it may be a typing error."""
     while True:
-        verdict = prompt.choose("Does it hold?", _WORDS)
-        if verdict is not Verdict.FAIL or prompt.is_so(f"You answered {shown_word(NO)}: FAIL is kept. Is that right?"):
+        verdict = prompt.choose("Is it so?", _WORDS)
+        if verdict is not Verdict.FAIL or prompt.is_so(
+            f"You answered {shown_word(NO)}: FAIL will be recorded. Is that right?"
+        ):
             return verdict
 
 
@@ -132,13 +134,13 @@ def consent(prompt: Prompt, entry: checklist.PlanEntry, price: Price | None) -> 
     condition = entry.step.consent
     assert condition is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
     _title(prompt, entry)
-    prompt.say(translate(f"  It is done only on your word: {condition.question}."))
-    if not prompt.agrees("Is that so, and shall it be done now?"):
+    prompt.say(translate(f"  This step needs your consent: {condition.question}."))
+    if not prompt.agrees("Is that so, and do you want to start it now?"):
         return None
     if price is not None:
-        words = f"  This goes {price.words}" if price.due else f"  a real one asks first: it goes {price.words}"
+        words = f"  Traffic: {price.words}" if price.due else f"  a real run asks first; traffic: {price.words}"
         prompt.say(translate(words))
-        if price.due and not prompt.agrees("Pay for it?", PAY):
+        if price.due and not prompt.agrees("Accept the cost?", PAY):
             return None
     return prompt.name
 
@@ -148,7 +150,9 @@ def otherwise(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist
     if not book.item(entry.item.id).open:
         return
     leave_word, seen_word, override = map(shown_word, _ELSE)
-    question = f"Leave it `{leave_word}`, answer it as `{seen_word}` otherwise, or `{override}` it on your word?"
+    question = (
+        f"Leave it open (`{leave_word}`), record another observation (`{seen_word}`), or override it (`{override}`)?"
+    )
     match prompt.choose(question, _ELSE):
         case "seen":
             _confirm(book, prompt, entry)
@@ -196,9 +200,9 @@ def _ask_correction(
     item = book.item(entry.item.id)
     again, override, on = map(shown_word, _AFTER)
     if item.verdict in confirmations.OVERRIDABLE:
-        choice = prompt.choose(f"Look `{again}`, `{override}` it on your word, or go `{on}`?", _AFTER)
+        choice = prompt.choose(f"Check again (`{again}`), override it (`{override}`), or continue (`{on}`)?", _AFTER)
     else:
-        choice = prompt.choose(f"Look `{again}`, or go `{on}`?", _AGAIN)
+        choice = prompt.choose(f"Check again (`{again}`), or continue (`{on}`)?", _AGAIN)
     if choice == "override":
         _override(book, prompt, entry)
     elif choice == "again" and item.kind is report.ItemKind.PERSON:
@@ -210,7 +214,7 @@ def _ask_correction(
 
 def _override(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     try:
-        reason = prompt.needs("The reason, which stands in the report:")
+        reason = prompt.needs("Reason (appears in the report):")
         book.override(entry.item.id, reason, prompt.name_of(entry.step.by))
     except checklist.ChecklistUsageError as refused:
         prompt.refuses(refused)
@@ -401,7 +405,7 @@ class CheckWorkflow:
 
 def _with_consent(item: report.Item, entry: checklist.PlanEntry, by: str) -> report.Item:
     """Add a person's consent to the evidence of an active item; `by`: the name, and words after a colon."""
-    assert entry.step.consent is not None, "only active steps are consented to"  # noqa: S101 - Step holds it
+    assert entry.step.consent is not None, "only active steps need consent"  # noqa: S101 - Step holds it
     name, _, words = by.partition(": ")
     text = f"{entry.step.consent.question}{f' ({words})' if words else ''}"
     word = report.Evidence(type=report.EvidenceType.CONFIRMED, what="consent", value=text, at=item.at, by=name)
@@ -505,7 +509,7 @@ class Prompt:
     def needs(self, question: str) -> str:
         """Ask for an answer that is not empty."""
         while not (answer := self.ask(question)):
-            self.say(translate(f"  something has to stand here; `{shown_word(LATER)}` leaves it open"))
+            self.say(translate(f"  an entry is required; `{shown_word(LATER)}` leaves the item open"))
         return answer
 
     @property
@@ -513,7 +517,7 @@ class Prompt:
         """Name of the person, asked once."""
         while not self._name:
             try:
-                name = confirmations.clean_name(self.needs("Your name, as it shall stand in the report:"))
+                name = confirmations.clean_name(self.needs("Your name, as it should appear in the report:"))
             except checklist.ChecklistUsageError as refused:
                 self.refuses(refused)
                 continue
@@ -526,7 +530,7 @@ class Prompt:
         if not people or confirmations.refused_person(self.name, people, "answer") is None:
             return self.name
         while True:
-            name = self.needs(f"Who of them is it: {', '.join(people)}?")
+            name = self.needs(f"Which person is it: {', '.join(people)}?")
             if (wrong := confirmations.refused_person(name, people, "answer")) is None:
                 return name
             self.say(translate(f"  {wrong[0]}"))
@@ -541,24 +545,26 @@ class Prompt:
                 value = math.nan
             if math.isfinite(value):
                 return value
-            self.say(translate(f"  `{text}` is no number: write it without its unit, like 16.1"))
+            self.say(translate(f"  `{text}` is not a number: write it without its unit, like 16.1"))
 
     def files(self, *, photo: bool = False) -> tuple[Path, ...]:
         """Ask for evidence files; may be empty unless a photo is needed. Raises PromptAbort, PromptBack."""
         files: list[Path] = []
         if photo:
             while not confirmations.is_photo(
-                file := self._path(self.ask("Photo that shows it (a path of a JPEG or PNG):"))
+                file := self._path(self.ask("Photo as evidence (path of a JPEG or PNG):"))
             ):
-                words = f"  a photo is asked for: give the path of a JPEG or PNG; `{shown_word(LATER)}` leaves it open"
+                words = (
+                    f"  a photo is required: give the path of a JPEG or PNG; `{shown_word(LATER)}` leaves the item open"
+                )
                 self.say(translate(words))
             files.append(file)
         more = "no more" if photo else "none or no more"
-        while path_text := self.ask(f"Photo or file that shows it (a path; empty: {more}):"):
+        while path_text := self.ask(f"Photo or file as evidence (a path; empty: {more}):"):
             if (file := self._path(path_text)).is_file():
                 files.append(file)
             else:
-                self.say(translate(f"  there is no file {path_text}"))
+                self.say(translate(f"  no such file: {path_text}"))
         return tuple(files)
 
     @staticmethod
@@ -599,9 +605,9 @@ _FILE_NAME = re.compile(r"[/\\~]|\.(jpe?g|png|heic|gif|webp|tiff?|pdf|txt|log|ya
 def doubt_of_name(name: str) -> str | None:
     """Return a question if a name looks like a flag, an argument or a file name; otherwise None."""
     if name.startswith("-"):
-        return f"`{name}` looks like a flag. Is it your name?"
+        return f"`{name}` looks like an option. Is it your name?"
     if re.match(r"[\w-]+=", name):
-        return f"`{name}` looks like a word of the command. Is it your name?"
+        return f"`{name}` looks like an argument. Is it your name?"
     if _FILE_NAME.search(name):
         return f"`{name}` looks like a file. Is it your name?"
     answers = {alternative for word in (*_WORDS, *_AFTER, *_ELSE, PAY) for alternative in taken_words(word)}

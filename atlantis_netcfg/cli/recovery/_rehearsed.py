@@ -31,7 +31,7 @@ def rehearse_from(
     gaps = tuple(state.gap for state in start)
     failure = _begin(session, start)
     if failure is not None:
-        never = f"{what}: the emulated devices could not be brought to the state from which it begins"
+        never = f"{what}: cannot set the emulated devices to the initial state"
         return replace(failure, not_rehearsed=(never, *gaps, *failure.not_rehearsed))
     report = go_on()
     return replace(report, not_rehearsed=(*gaps, *report.not_rehearsed))

@@ -18,8 +18,8 @@ RECOVER = syntax.CommandSpec(
     words=(syntax.Word("site", "only the runs of this site", example="coastal"),),
     flags=(syntax.Flag("rehearse", "the runs of rehearsals instead of real ones"), syntax.JSON),
     details=(
-        "Reads what is kept on this computer; no device is contacted. On a terminal it asks which of the commands to "
-        "run. What another computer has left open on the devices of a site is found by `provision recover resume`."
+        "Reads data stored on this computer; no device is contacted. On a terminal it asks which command to run. "
+        "`provision recover resume` finds runs that another computer left unfinished on the devices of a site."
     ),
     changes=True,
     plays=True,
@@ -45,7 +45,7 @@ def run_recover(arguments: syntax.Arguments) -> ExitCode:
         print(json_text({"exit": int(ExitCode.DONE), "errors": [], "unfinished": rows}))
         return ExitCode.DONE
     for name, run in unfinished_runs:
-        print(f"{name}: the run {run.id} is unfinished on {', '.join(run.unsettled_devices)}")
+        print(f"{name}: run {run.id} is unfinished on {', '.join(run.unsettled_devices)}")
     if not choices:
         _print_nothing(store, sites)
         return ExitCode.DONE
@@ -64,7 +64,7 @@ def _commands(site: str, run: Run) -> list[str]:
 
 
 def _print_nothing(store: Store, sites: tuple[str, ...]) -> None:
-    print(translate("nothing is unfinished"))
+    print(translate("no unfinished runs"))
     for site in sites:
         if any(run.before(device) is not None for run in store.runs(site) for device in run.outcomes):
             more = " --rehearse" if store.is_rehearsal else ""

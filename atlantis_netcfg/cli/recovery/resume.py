@@ -23,7 +23,7 @@ RESUME = syntax.CommandSpec(
         syntax.Word("site", "the site of the run", is_required=True, example="coastal"),
         syntax.Word(
             "run",
-            "the run, as `provision report runs` lists it; the latest unfinished one if left out",
+            "run from `provision report runs` (default: latest unfinished)",
             values=Values.RUN,
         ),
         syntax.INVENTORY,
@@ -38,11 +38,11 @@ RESUME = syntax.CommandSpec(
         *syntax.CHANGE,
     ),
     details=(
-        "What a broken run has left open on a device is waited for first. `--plan` does not wait: it shows what "
-        "differs now, which the device itself may still take back.\n"
-        "In a rehearsal nothing is open: the emulated device has the state before the run, as if the real one had "
-        "taken everything back. It takes the runs of the real site; where none is unfinished, those of earlier "
-        "rehearsals."
+        "First waits until changes that an interrupted run left unconfirmed on a device are settled. `--plan` "
+        "does not wait: it shows the current differences, which the device itself may still undo.\nIn a "
+        "rehearsal no change is pending: the emulated device starts from the state before the run, as if the "
+        "real device had undone everything. It uses runs of the real site or, if none is unfinished, those of "
+        "earlier rehearsals."
     ),
     changes=True,
     plays=True,
@@ -105,7 +105,7 @@ def _rehearse(session: CommandSession, broken: Run) -> RunReport:
         return rehearse(session, session.rehearsal, mode=Mode.RESUME, run=broken.id)
 
     start = before_resuming(session.state, session.hosts, broken)
-    return rehearse_from(session, start, go_on, f"how run {broken.id} goes on")
+    return rehearse_from(session, start, go_on, f"how to continue run {broken.id}")
 
 
 def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = False) -> Run:
@@ -116,13 +116,13 @@ def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = Fa
     if name is not None:
         named_run = saved_run(state, site, name, is_rehearsal=is_rehearsal)
         if named_run.start_record is None and named_run.damage:
-            raise named_run.damage_error("the run cannot be resumed: type its command again")
+            raise named_run.damage_error("the run cannot be resumed: run its command again")
         return named_run
     open_runs = next(
         (runs for store in stores(state, is_rehearsal=is_rehearsal) if (runs := store.unfinished_runs(site))), ()
     )
     if not open_runs:
-        raise errors.NoMatchError(f"no run of {site} is unfinished", hint="`provision report runs` lists all of them")
+        raise errors.NoMatchError(f"{site} has no unfinished run", hint="`provision report runs` lists all runs")
     return next((run for run in reversed(open_runs) if run.purpose is Purpose.CONFIGURE), open_runs[-1])
 
 
@@ -157,7 +157,7 @@ def _left_by_others(session: CommandSession, name: str | None, nothing: errors.N
         raise nothing
     session.narrow([host.name for host in session.handled_hosts])
     if not session.as_json:
-        print(f"{nothing}; looking on its devices", flush=True)
+        print(f"{nothing}; checking its devices", flush=True)
     report = session.perform(Mode.PLAN)
     busy = {device: str(result["busy"]) for device, result in report.devices.items() if result.get("busy")}
     if name is not None:
@@ -170,8 +170,8 @@ def _left_by_others(session: CommandSession, name: str | None, nothing: errors.N
         return session.perform(Mode.RESUME, run=name)
     if report.exit is errors.ExitCode.CHANGES:
         raise errors.NoMatchError(
-            f"{nothing}, and nothing is open on its devices, which are not as declared",
-            hint=f"to bring them there, type:  provision site={session.site}",
+            f"{nothing}; no change is pending on its devices, but they differ from the inventory",
+            hint=f"to apply the inventory, run:  provision site={session.site}",
         )
     if report.exit is errors.ExitCode.DONE:
         raise nothing
@@ -183,7 +183,7 @@ def _refuse_others(broken: Run) -> None:
     from atlantis_netcfg.runs import Purpose
 
     repeatable = {
-        Purpose.ADOPT: "a first contact",
+        Purpose.ADOPT: "an adoption",
         Purpose.UPGRADE: "an upgrade",
         Purpose.INSTALL: "an import of a VPN identity",
     }
@@ -201,15 +201,15 @@ def _refuse_settled(broken: Run) -> None:
     ):
         return
     raise errors.NoMatchError(
-        f"run {broken.id} has left nothing open on any device",
-        hint=f"to bring them to where it was going, type its command again:  {broken.start_record.command}",
+        f"run {broken.id} has left nothing pending on any device",
+        hint=f"to complete it, run its command again:  {broken.start_record.command}",
     )
 
 
 def _print_broken_run(session: CommandSession, broken: Run) -> None:
     if session.as_json:
         return
-    print(f"run {broken.id}: {broken.start_record.command if broken.start_record else 'killed before it had begun'}")
+    print(f"run {broken.id}: {broken.start_record.command if broken.start_record else 'killed before it started'}")
     for host in broken.undone:
         progress = (
             f"{len(broken.confirmed_actions(host))} actions were confirmed, "
@@ -218,6 +218,6 @@ def _print_broken_run(session: CommandSession, broken: Run) -> None:
         print(f"  {host:<18} {progress}")
     start = broken.start_record
     if start is not None and (start.back_to or start.restore):
-        print(f"  it goes on towards the saved state of run {start.back_to or start.restore}")
+        print(f"  it continues towards the saved state of run {start.back_to or start.restore}")
     elif start is not None and start.revision != session.inventory.revision:
-        print("  the inventory has changed since then: the devices are brought to what it declares now")
+        print("  the inventory has changed since then: the current inventory is applied")

@@ -22,9 +22,7 @@ ROLLBACK = syntax.CommandSpec(
         syntax.Word("site", "the site of the run", is_required=True, example="coastal"),
         syntax.Word(
             "run",
-            "the run, as `provision report runs` lists it: its saved state is put back; `latest` is the newest that "
-            "has one, "
-            "rollbacks apart",
+            "run to undo, as in `provision report runs`, or `latest`: the newest with a saved state, except rollbacks",
             is_required=True,
             example="latest",
             values=Values.RUN_OR_LATEST,
@@ -43,10 +41,9 @@ ROLLBACK = syntax.CommandSpec(
         *syntax.CHANGE,
     ),
     details=(
-        "Secrets are not in the saved state: what the device holds of them stays.\n"
-        "A rehearsal takes the runs of the real site; where there is none, those of earlier rehearsals. It says which "
-        "state stands for each device. What somebody has changed on the real device since is not in it: `--plan` shows "
-        "that."
+        "The saved state has no secrets: those on the device are kept.\nA rehearsal uses runs of the real site "
+        "or, if there are none, those of earlier rehearsals. It shows which state each emulated device has. "
+        "Later changes on the real device are not included: `--plan` shows them."
     ),
     changes=True,
     plays=True,
@@ -104,10 +101,10 @@ def _tell(session: CommandSession, run: Run) -> None:
     if start is not None:
         print(f"  {start.command}", flush=True)
     if start is not None and start.rehearsed:
-        print(f"  {translate('this was a rehearsal, on emulated devices')}", flush=True)
+        print(f"  {translate('this was a rehearsal with emulated devices')}", flush=True)
     for host, outcome in run.outcomes.items():
         if run.before(host) is None:
-            note = translate(f"{host} is left as it is: the run saved no state of it")
+            note = translate(f"{host} is not changed: the run saved no state of it")
             print(f"  {note} ({outcome.status})", flush=True)
 
 

@@ -112,7 +112,7 @@ def _value_candidates(word: syntax.Word, before: Sequence[str]) -> Iterator[Cand
     site = next((argument.partition("=")[2] for argument in before if argument.startswith("site=")), "")
     if word.value_kind in {inventory_names.Values.RUN, inventory_names.Values.RUN_OR_LATEST}:
         if word.value_kind is inventory_names.Values.RUN_OR_LATEST:
-            yield "latest", translate("the newest one that has a state")
+            yield "latest", translate("the newest with a saved state")
         yield from ((run, "") for run in _runs(site))
     elif word.value_kind is not None:
         yield from (

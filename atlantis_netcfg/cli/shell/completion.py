@@ -13,8 +13,8 @@ from atlantis_netcfg.core.errors import ExitCode
 
 COMPLETION = syntax.CommandSpec(
     "help completion",
-    "print a script for completion in a shell",
-    words=(syntax.Word("shell", "which one", is_required=True, choices=("bash", "zsh", "fish"), bare=True),),
+    "print a shell completion script",
+    words=(syntax.Word("shell", "the shell", is_required=True, choices=("bash", "zsh", "fish"), bare=True),),
     details=(
         "For this window, in bash: `source <(./provision help completion bash)`. "
         "In zsh the same after `compinit`; in fish: `./provision help completion fish | source`.\n"

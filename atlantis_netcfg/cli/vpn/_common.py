@@ -41,17 +41,15 @@ __all__ = [
 ]
 
 
-AUTHORITY = syntax.Word("authority", "folder of the authority; `vpn` in the state directory if left out")
+AUTHORITY = syntax.Word("authority", "authority folder (default: `vpn` in the state folder)")
 CLOCK = syntax.Word(
     "clock",
-    "`right`: this computer's clock is right, although the record's last entry is later",
+    "`right`: this clock is right, the record's last entry is not",
     choices=("right",),
 )
-AGAIN = "what was recorded stands: type the same again, or look with `provision vpn status`"
+AGAIN = "recorded changes remain: run the same command again, or check with `provision vpn status`"
 """Hint after Ctrl-C."""
-NO_PUSH = syntax.Flag(
-    "no-push", "only record it and make the files; `provision vpn sync` brings it to the server later"
-)
+NO_PUSH = syntax.Flag("no-push", "only record it and create files; deploy with `provision vpn sync`")
 
 
 def folder(arguments: syntax.Arguments) -> Path:
@@ -150,7 +148,7 @@ def server(arguments: syntax.Arguments, inventory: Inventory) -> Server:
 
     if arguments.has_flag(NO_PUSH):
         return NoPush()
-    otherwise = ", or add --no-push, which contacts nobody" if arguments.command.flag(NO_PUSH.name) else ""
+    otherwise = ", or add --no-push, which contacts no server" if arguments.command.flag(NO_PUSH.name) else ""
     return RemoteServer(inventory, over_ssh(inventory, request(arguments), otherwise), who())
 
 

@@ -19,14 +19,14 @@ VPN_INIT = syntax.CommandSpec(
     "vpn init",
     "create the certificate authority and the server's certificate",
     words=(
-        syntax.Word("sealed", "how the CA key is sealed; age if left out", choices=("age", "vault")),
+        syntax.Word("sealed", "how to encrypt the CA key (default: age)", choices=("age", "vault")),
         AUTHORITY,
         syntax.INVENTORY,
     ),
     flags=(PASSPHRASE_FD, syntax.JSON),
     details=(
-        "Once for a pilot, on one computer. Without the passphrase nobody can onboard, renew or revoke, and nobody can "
-        "get it back; `docs/vpn.md` says what to copy where."
+        "Run it once per pilot, on one computer. Without the passphrase, which cannot be recovered, nobody can "
+        "enrol, renew or revoke; `docs/vpn.md` says what to copy where."
     ),
     changes=True,
     again=AGAIN,
@@ -64,15 +64,15 @@ def run_vpn_init(arguments: syntax.Arguments) -> ExitCode:
         },
     }
     lines = [
-        f"{'already so' if there else 'made'}: the authority of the VPN, in {folder}",
-        f"  its server is {names.common_name}, reached as {', '.join([*names.dns, *map(str, names.addresses)])}",
+        f"{'unchanged' if there else 'made'}: the authority of the VPN, in {folder}",
+        f"  its server is {names.common_name}, reachable at {', '.join([*names.dns, *map(str, names.addresses)])}",
     ]
     if there is None:
         lines.append(
-            "  copy the folder to a second place, and write the passphrase down in a third: nobody can make them again"
+            "  copy the folder to a second place and store the passphrase in a third: neither can be recreated"
         )
     if there is None and (memory := authority.opening_bytes()):
-        lines.append(f"  opening its key takes about a second and {memory >> 20} MiB of memory, wherever that is done")
+        lines.append(f"  decrypting its key takes about a second and {memory >> 20} MiB of memory")
     return _common.tell(arguments, ExitCode.DONE, values, lines)
 
 
@@ -80,14 +80,14 @@ VPN_AUDIT = syntax.CommandSpec(
     "vpn audit",
     "show who changed members, and verify the signed record",
     words=(
-        syntax.Word("since", "only from this day on, or of so many days or weeks", example="2026-11-01"),
-        syntax.Word("partner", "only what concerns the devices of this partner", example="iqua"),
+        syntax.Word("since", "from this date, or this many days or weeks back", example="2026-11-01"),
+        syntax.Word("partner", "only devices of this partner", example="iqua"),
         AUTHORITY,
     ),
     flags=(syntax.JSON,),
     details=(
-        "The record is compared with its signature, the certificates and the revocation list. Exit code 6 says that "
-        "something does not agree: it was changed by something else than provision, or is damaged, or not whole."
+        "The record is compared with its signature, the certificates and the revocation list. Exit code 6: they do "
+        "not match; the record was changed outside provision, is damaged or incomplete."
     ),
 )
 
@@ -118,8 +118,8 @@ def run_vpn_audit(arguments: syntax.Arguments) -> ExitCode:
 
 VPN_LIST = syntax.CommandSpec(
     "vpn list",
-    "list the members and their expiry dates",
-    words=(syntax.Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY),
+    "list members and expiry dates",
+    words=(syntax.Word("partner", "only devices of this partner", example="iqua"), AUTHORITY),
     flags=(syntax.JSON,),
 )
 
@@ -134,7 +134,7 @@ def run_vpn_list(arguments: syntax.Arguments) -> ExitCode:
 
     now = datetime.now(UTC)
     members = reports.of_partner(_common.open_authority(arguments).membership(), arguments.optional("partner"))
-    rows = [("name", "kind", "address", "until", "last seen", "standing")]
+    rows = [("name", "kind", "address", "until", "last seen", "background")]
     for member in members:
         until = reports.expires(member)
         last_seen = max(
@@ -178,7 +178,7 @@ def run_vpn_show(arguments: syntax.Arguments) -> ExitCode:
 
 def _lines(member: Member, standing: str) -> Iterator[str]:
     whose = f"of {member.partner}" if member.partner is not None else "of the pilot itself"
-    vehicle = f", the vehicle {member.vehicle}" if member.vehicle is not None else ""
+    vehicle = f", vehicle {member.vehicle}" if member.vehicle is not None else ""
     yield f"{member.name}: {member.kind} {whose}{vehicle}, {standing}"
     yield f"  address {member.address}, timers for {member.link}"
     for certificate in member.certificates:
@@ -189,7 +189,7 @@ def _certificate(certificate: Certificate) -> Iterator[str]:
     from atlantis_netcfg.vpn.reports import when
 
     until, last_seen = when(certificate.not_after), when(certificate.seen)
-    yield f"  {certificate.common_name}: {certificate.standing}, good until {until}, last seen {last_seen}"
+    yield f"  {certificate.common_name}: {certificate.standing}, valid until {until}, last seen {last_seen}"
     yield f"    {certificate.key} key, {certificate.wrap}, serial {certificate.serial:x}"
     if certificate.revoked is not None:
         yield f"    revoked {when(certificate.revoked)}{f': {certificate.reason}' if certificate.reason else ''}"

@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 _CLIENT = (
     syntax.Word(
         "system",
-        "what starts its tunnel. A robot: linux. A laptop: linux, ubuntu-desktop, windows, macos, android, ios; "
-        "without this word its page has the steps of all. A router: routeros",
+        "system that runs its tunnel. Robot: linux. Laptop: linux, ubuntu-desktop, windows, macos, android, ios "
+        "(default: steps for all). Router: routeros",
         example="windows",
     ),
     syntax.Word(
         "distribution",
-        "its ROS 2: foxy, humble or jazzy; the declaration's if left out (vehicles.yml, then pilot.yml)",
+        "ROS 2: foxy, humble or jazzy (default: from the inventory)",
         example="foxy",
     ),
     syntax.Word(
         "openvpn",
-        "its OpenVPN: 2.4, 2.5, 2.6 or 2.7; the declaration's, or that of the Ubuntu of its ROS 2, if left out",
+        "OpenVPN: 2.4 to 2.7 (default: inventory, or from ROS 2)",
         example="2.4",
     ),
 )
@@ -47,34 +47,32 @@ VPN_ONBOARD = syntax.CommandSpec(
     "vpn onboard",
     "add a device: fixed address, certificate, enrolment package",
     words=(
-        syntax.Word("partner", "whose device it is", example="iqua"),
+        syntax.Word("partner", "owner of the device", example="iqua"),
         syntax.Word(
             "device",
-            "its name (the member is then PARTNER-DEVICE); or, without `partner=`, a computer of the inventory",
+            "its name (the member is PARTNER-DEVICE); without `partner=`, a computer of the inventory",
             example="sparus2",
         ),
-        syntax.Word("kind", "what it is: robot, laptop or router", example="robot"),
-        syntax.Word("batch", "a list of many, .yml or .csv, with these words for keys or columns", example="iqua.yml"),
-        syntax.Word("vehicle", "the robot's key in vehicles.yml; by default the vehicle of the device's name"),
-        syntax.Word(
-            "link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"
-        ),
+        syntax.Word("kind", "robot, laptop or router", example="robot"),
+        syntax.Word("batch", "list of devices, .yml or .csv, with these argument names", example="iqua.yml"),
+        syntax.Word("vehicle", "key in vehicles.yml (default: the device name)"),
+        syntax.Word("link", "slowest link of its tunnel: fibre (default), 4g, satellite", example="satellite"),
         *_CLIENT,
-        syntax.Word("wrap", "tls-crypt-v2, or tls-crypt for OpenVPN 2.4; what its OpenVPN can read if left out"),
-        syntax.Word("key", "ec (if left out) or rsa; routers get rsa", example="rsa"),
-        syntax.Word("days", "how long the certificate is good; 397 if left out", example="90"),
-        syntax.Word("address", "a fixed address of the partner's pool; the next free one if left out"),
-        syntax.Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
-        syntax.Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
-        syntax.Word("to", "also put the file into this folder", example="/media/usb"),
+        syntax.Word("wrap", "tls-crypt-v2, or tls-crypt for 2.4 (default: by its OpenVPN)"),
+        syntax.Word("key", "ec (default) or rsa; routers get rsa", example="rsa"),
+        syntax.Word("days", "validity of the certificate (default: 397)", example="90"),
+        syntax.Word("address", "fixed address in the partner's pool (default: next free)"),
+        syntax.Word("recipient", "encrypt to this age key or key file, not with a passphrase"),
+        syntax.Word("contact", "contact of the owner, for the instructions page", example="'Ana, +351 210 000 000'"),
+        syntax.Word("to", "also copy the file to this folder", example="/media/usb"),
         CLOCK,
         AUTHORITY,
         syntax.INVENTORY,
     ),
     flags=(NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
-        "Repeating it makes nothing new; a different request for the same name is refused. Exit code 5: all is "
-        "recorded and handed out, but the server does not have it yet: `provision vpn sync` goes on."
+        "Repeating the command changes nothing; a different request for the same name is refused. Exit code 5: "
+        "recorded, and the packages are created, but the server is not updated yet: run `provision vpn sync`."
     ),
     changes=True,
     again=AGAIN,
@@ -118,7 +116,7 @@ def _device_words(arguments: syntax.Arguments) -> Sequence[DeviceWords]:
         return [DeviceWords("", **words)]
     if extra_words := [key for key, value in words.items() if value is not None and key != "recipient"]:
         raise UsageError(
-            f"`{extra_words[0]}=` does not go with `batch=`", hint="write it into the file, for each device"
+            f"`{extra_words[0]}=` cannot be used with `batch=`", hint="write it into the file, for each device"
         )
     common = {key: value for key, value in words.items() if value is not None}
     rows = read(Path(batch), KEYS)
@@ -127,24 +125,24 @@ def _device_words(arguments: syntax.Arguments) -> Sequence[DeviceWords]:
 
 VPN_RENEW = syntax.CommandSpec(
     "vpn renew",
-    "renew certificates; the old one works until the new one is used",
+    "renew certificates; the old one works until the new is used",
     words=(
         syntax.Word("name", "the member", example="iqua-sparus2"),
-        syntax.Word("all", "every member whose certificate ends within this time", example="30d"),
-        syntax.Word("days", "how long the new one is good; 397 if left out", example="90"),
+        syntax.Word("all", "every member whose certificate expires within this time", example="30d"),
+        syntax.Word("days", "validity of the new certificate (default: 397)", example="90"),
         *_CLIENT,
-        syntax.Word("wrap", "tls-crypt-v2 or tls-crypt; as before if left out, where its OpenVPN can read that"),
-        syntax.Word("key", "ec or rsa; as before if left out"),
-        syntax.Word("link", "what carries its tunnel at worst; as before if left out"),
-        syntax.Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
-        syntax.Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
-        syntax.Word("to", "also put the file into this folder", example="/media/usb"),
+        syntax.Word("wrap", "tls-crypt-v2 or tls-crypt (default: as before, if supported)"),
+        syntax.Word("key", "ec or rsa (default: as before)"),
+        syntax.Word("link", "slowest link of its tunnel (default: as before)"),
+        syntax.Word("recipient", "encrypt to this age key or key file, not with a passphrase"),
+        syntax.Word("contact", "contact of the owner, for the instructions page", example="'Ana, +351 210 000 000'"),
+        syntax.Word("to", "also copy the file to this folder", example="/media/usb"),
         CLOCK,
         AUTHORITY,
         syntax.INVENTORY,
     ),
     flags=(NO_PUSH, PASSPHRASE_FD, syntax.JSON),
-    details="A successor that was handed out before and never used is revoked: one is under way at a time.",
+    details="An earlier renewal that was delivered but never used is revoked: only one can be pending.",
     changes=True,
     again=AGAIN,
 )
@@ -185,7 +183,7 @@ def _members_to_renew(arguments: syntax.Arguments, membership: MembershipList) -
 
     name, within = arguments.optional("name"), arguments.optional("all")
     if (name is None) == (within is None):
-        raise UsageError("which member's certificate should be renewed?", hint="add `name=iqua-sparus2`, or `all=30d`")
+        raise UsageError("no member to renew", hint="add `name=iqua-sparus2`, or `all=30d`")
     if name is not None:
         return (find(membership, name),)
     end = datetime.now(UTC) + period(str(within), "all")
@@ -193,7 +191,9 @@ def _members_to_renew(arguments: syntax.Arguments, membership: MembershipList) -
         member for member in membership.members.values() if (last := expires(member)) is not None and last <= end
     )
     if not due:
-        raise NoMatchError(f"no certificate ends within {within}", hint="`provision vpn list` shows when they end")
+        raise NoMatchError(
+            f"no certificate expires within {within}", hint="`provision vpn list` shows the expiry dates"
+        )
     return due
 
 
@@ -203,15 +203,15 @@ VPN_REVOKE = syntax.CommandSpec(
     words=(
         syntax.Word("name", "the member", example="iqua-sparus2"),
         syntax.Word("partner", "every device of this partner", example="iqua"),
-        syntax.Word("reason", "for the record, one line", example="stolen"),
+        syntax.Word("reason", "reason for the record, one line", example="stolen"),
         CLOCK,
         AUTHORITY,
         syntax.INVENTORY,
     ),
     flags=(syntax.Flag("yes", "do not ask before they are cut off"), NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
-        "A name never returns. Exit code 5 says that it is recorded, and that the server did not answer: whoever is "
-        "connected stays so until `provision vpn sync` has reached it."
+        "A name cannot be used again. Exit code 5: recorded, but the server did not respond; connected devices stay "
+        "connected until `provision vpn sync` has updated it."
     ),
     changes=True,
     again=AGAIN,
@@ -245,9 +245,7 @@ def _members_to_revoke(arguments: syntax.Arguments, membership: MembershipList) 
 
     name, partner = arguments.optional("name"), arguments.optional("partner")
     if (name is None) == (partner is None):
-        raise UsageError(
-            "which member should be revoked?", hint="add `name=iqua-sparus2`, or `partner=iqua` for all of them"
-        )
+        raise UsageError("no member to revoke", hint="add `name=iqua-sparus2`, or `partner=iqua` for all its devices")
     return (find(membership, name),) if name is not None else of_partner(membership, partner)
 
 
@@ -267,7 +265,7 @@ def _agree(arguments: syntax.Arguments, members: tuple[Member, ...]) -> None:
                 translate(f"  {member.name}: {member.kind}, {member.address}, last seen {when(last_seen)}"), flush=True
             )
     require_agreement(
-        "Cut them off now, for good?" if len(members) > 1 else f"Cut {members[0].name} off now, for good?"
+        "Revoke them permanently now?" if len(members) > 1 else f"Revoke {members[0].name} permanently now?"
     )
 
 
@@ -275,13 +273,15 @@ VPN_ACCEPT = syntax.CommandSpec(
     "vpn accept",
     "import a computer's identity from its enrolment package",
     words=(
-        syntax.Word("file", "the sealed hand-out", is_required=True, example="coastal-gateway.tar.age"),
-        syntax.Word("key", "file (mode 0600) with your age key, where it was sealed to that", example="age.key"),
+        syntax.Word("file", "the encrypted enrolment package", is_required=True, example="coastal-gateway.tar.age"),
+        syntax.Word("key", "file (mode 0600) with your age key, if encrypted to it", example="age.key"),
         AUTHORITY,
         syntax.INVENTORY,
     ),
     flags=(PASSPHRASE_FD, syntax.JSON),
-    details="For a laptop without the authority: the identity is kept in the folder `hosts` of it, mode 0600.",
+    details=(
+        "For a laptop without the authority: the identity is stored in the authority folder, in `hosts`, mode 0600."
+    ),
 )
 _LARGEST = 1_000_000
 
@@ -296,7 +296,7 @@ def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.enrolment_package import accept
 
     inventory = _common.load_inventory(arguments)
-    data = _read_limited(Path(arguments.word("file")), "the hand-out")
+    data = _read_limited(Path(arguments.word("file")), "the enrolment package")
     acceptance = accept(inventory, data, _opener(arguments), _common.folder(arguments), now=datetime.now(UTC))
     member, certificate = acceptance.identity.member, acceptance.identity.certificate
     values = {
@@ -307,10 +307,10 @@ def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
         "file": str(acceptance.path),
         "already": acceptance.already,
     }
-    how = "already so" if acceptance.already else "accepted"
+    how = "unchanged" if acceptance.already else "accepted"
     lines = [
-        f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
-        f"  kept in {acceptance.path}; `{install_command(inventory, member)}` brings it there",
+        f"{member.name}: {how}, address {member.address}, valid until {certificate.not_after:%Y-%m-%d}",
+        f"  saved in {acceptance.path}; `{install_command(inventory, member)}` installs it on the device",
     ]
     return _common.tell(arguments, ExitCode.DONE, values, lines)
 
@@ -329,10 +329,10 @@ def _opener(arguments: syntax.Arguments) -> Secret:
     path = Path(key_name)
     text = _read_limited(path, "the key").decode(errors="replace")
     if path.stat().st_mode & 0o077:
-        raise UsageError(f"others may read the key {path}", hint=f"type `chmod 600 {path}`")
+        raise UsageError(f"other users can read the key {path}", hint=f"type `chmod 600 {path}`")
     lines = [line.strip() for line in text.splitlines() if line.startswith("AGE-SECRET-KEY-")]
     if len(lines) != 1:
-        raise UsageError(f"{path} holds {len(lines)} age keys", hint="name the file that age-keygen has made")
+        raise UsageError(f"{path} contains {len(lines)} age keys", hint="give the file created by age-keygen")
     return Secret(lines[0])
 
 
@@ -343,7 +343,7 @@ def _read_limited(path: Path, what: str) -> bytes:
         with path.open("rb") as file:
             data = file.read(_LARGEST + 1)
     except (OSError, ValueError) as error:
-        raise UsageError(f"{what} cannot be read: {path}", hint=getattr(error, "strerror", None)) from error
+        raise UsageError(f"cannot read {what}: {path}", hint=getattr(error, "strerror", None)) from error
     if len(data) > _LARGEST:
         raise UsageError(f"{path} is too large for {what}")
     return data
@@ -401,7 +401,7 @@ def _deploy(arguments: syntax.Arguments, server: Server, authority: Authority) -
         with progress(quiet=arguments.flag("json")) as notify:
             return server.deploy(authority, notify)
     except KeyboardInterrupt:
-        error = OutcomeUnknown("stopped by Ctrl-C before the server was seen to have it", hint=AGAIN)
+        error = OutcomeUnknown("interrupted by Ctrl-C before the server confirmed the update", hint=AGAIN)
         return DeployResult(errors=(error,), is_deployed=False)
 
 
@@ -426,24 +426,24 @@ def _row(package: DeliveredMember) -> dict[str, Any]:
 
 def _lines(inventory: Inventory, package: DeliveredMember) -> Iterator[str]:
     member, certificate = package.result.member, package.result.certificate
-    what = "already so" if package.result.already else certificate.common_name
-    yield f"{member.name}: {what}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}"
+    what = "unchanged" if package.result.already else certificate.common_name
+    yield f"{member.name}: {what}, address {member.address}, valid until {certificate.not_after:%Y-%m-%d}"
     yield f"  file        {package.copy or package.file}"
     if package.result.already:
-        yield f"              made before; if its passphrase is lost: provision vpn renew name={member.name}"
+        yield f"              created earlier; if its passphrase is lost: provision vpn renew name={member.name}"
         return
     if package.cover_note is not None:
         yield f"  cover note  {package.cover_note}"
-        yield "              send it along with the file; nothing in it is secret"
+        yield "              send it with the file; it contains no secrets"
     if package.passphrase is not None:
         yield f"  passphrase  {package.passphrase.reveal()}"
-        yield "              shown this once: tell it by telephone, never in the message that the file goes with"
+        yield "              shown only once: tell it by telephone, never in the message that carries the file"
     for old_name in package.result.replaced_names:
-        yield f"  revoked     {old_name}, which was handed out before and never used"
+        yield f"  revoked     {old_name}, which was delivered earlier and never used"
     if member.partner is None:
-        yield f"              `{install_command(inventory, member)}` brings it there"
+        yield f"              `{install_command(inventory, member)}` installs it on the device"
     else:
-        yield "              the partner opens it with age, and goes on with README.txt inside"
+        yield "              the partner opens it with age and follows the enclosed README.txt"
 
 
 def install_command(inventory: Inventory, member: Member) -> str:
@@ -465,7 +465,7 @@ def close_revoked(arguments: syntax.Arguments, revocation: RevocationResult, dep
         "already": list(revocation.already),
         **deployment.as_json(),
     }
-    lines = [f"{name}: {'already so' if name in revocation.already else 'revoked'}" for name in revocation.members]
+    lines = [f"{name}: {'unchanged' if name in revocation.already else 'revoked'}" for name in revocation.members]
     return _common.tell(arguments, deployment.exit, values, [*lines, *deployment.lines], deployment.errors)
 
 
@@ -482,8 +482,8 @@ def close_synced(
     lines = (
         []
         if taken_names is None
-        else [f"taken over from the server's list: {', '.join(taken_names) or 'nobody of the record'}"]
+        else [f"imported from the server's list: {', '.join(taken_names) or 'no member of the record'}"]
     )
     if site is not None:
-        lines.append(f"the server has a new certificate: `provision site={site}` puts it in its place")
+        lines.append(f"the server has a new certificate: `provision site={site}` installs it")
     return _common.tell(arguments, deployment.exit, values, (*lines, *deployment.lines), deployment.errors)

@@ -48,11 +48,11 @@ VPN_INSTALL = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "Takes the identity that `provision vpn onboard device=…` or `provision vpn accept` has left on this computer. "
-        "RouterOS before 7.17 cannot wrap its control channel and is refused."
+        "Uses the identity that `provision vpn onboard device=…` or `provision vpn accept` stored on this computer. "
+        "RouterOS before 7.17 does not support tls-crypt and is refused."
     ),
     changes=True,
-    again="type the same again: it goes on from there, and removes files that were left",
+    again="run the same command again: it continues from there and removes leftover files",
 )
 
 
@@ -129,8 +129,9 @@ VPN_SYNC = syntax.CommandSpec(
         syntax.JSON,
     ),
     details=(
-        "Needs no passphrase without `--sign`, which makes a list that is good for 90 days, and a certificate of the "
-        "server where its names in the inventory are others or 90 days are left. Exit code 5: it was not reached."
+        "Only `--sign` needs a passphrase: it signs a revocation list valid for 90 days. It also renews the "
+        "server certificate if its names in the inventory have changed or 90 days are left. Exit code 5: the "
+        "server was not reached."
     ),
     changes=True,
     again=AGAIN,
@@ -151,7 +152,7 @@ def run_vpn_sync(arguments: syntax.Arguments) -> ExitCode:
     server = _common.server(arguments, inventory)
     sign, take = arguments.flag("sign"), arguments.flag("take-list")
     if take and not sign:
-        raise UsageError("a list that is taken over is signed anew", hint="add `--sign`")
+        raise UsageError("an imported list must be signed again", hint="add `--sign`")
     passphrase = passphrase_prompt(arguments) if sign else None
     theirs = None
     if take:
@@ -175,11 +176,11 @@ def run_vpn_sync(arguments: syntax.Arguments) -> ExitCode:
 VPN_STATUS = syntax.CommandSpec(
     "vpn status",
     "show sessions, expiry dates and pending changes",
-    words=(syntax.Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY, syntax.INVENTORY),
+    words=(syntax.Word("partner", "only devices of this partner", example="iqua"), AUTHORITY, syntax.INVENTORY),
     flags=(NO_PUSH, syntax.JSON),
     details=(
-        "Exit code 6: something must be done (a list or a certificate ends within 30 days or has ended, the server "
-        "differs from the record, a revocation waits). 5: the server was not reached, so nobody knows."
+        "Exit code 6: action needed (a list or certificate expires within 30 days or has expired, the server "
+        "differs from the record, a revocation is pending). 5: the server was not reached, so its state is unknown."
     ),
 )
 
@@ -219,7 +220,7 @@ def _lines(status: VpnStatus, members: Sequence[Member], now: datetime) -> Itera
         if entry.hint:
             yield from (f"{'':<12} {line}" for line in entry.hint.splitlines())
     up = {session.common_name: session for session in status.state.sessions if session.is_up} if status.state else {}
-    rows = [("member", "address", "until", "last seen", "session", "standing")] if members else []
+    rows = [("member", "address", "until", "last seen", "session", "background")] if members else []
     for member in members:
         until, names = expires(member), [item.common_name for item in member.certificates]
         last_seen = max(

@@ -95,7 +95,7 @@ class BlockTree:
         try:
             return self._read(place.resolve(strict=True), number)
         except (OSError, ValueError) as error:
-            raise BlockDeviceError(f"{path} is gone, or cannot be read", hint="put the card in again") from error
+            raise BlockDeviceError(f"{path} is gone, or cannot be read", hint="insert the card again") from error
 
     @staticmethod
     def _device_number(path: Path) -> str:
@@ -103,14 +103,14 @@ class BlockTree:
             status = path.stat()
         except FileNotFoundError:
             raise BlockDeviceError(
-                f"there is no {path}", hint="`ls -l /dev/disk/by-id` lists the disks; the card may not be in"
+                f"{path} does not exist", hint="`ls -l /dev/disk/by-id` lists the disks; the card may not be inserted"
             ) from None
         except OSError as error:
             raise BlockDeviceError(f"{path}: {error.strerror}") from error
         if not stat.S_ISBLK(status.st_mode):
             raise BlockDeviceError(
                 f"{path} is not a block device",
-                hint="`to=` wants a disk of /dev/disk/by-id; `--image-only FILE` makes a file",
+                hint="`to=` needs a disk of /dev/disk/by-id; `--image-only FILE` writes a file",
             )
         return f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
 
@@ -157,7 +157,7 @@ class BlockTree:
                 uses.append(Use(part.name, "is swap space", system=True))
             rest += sorted(each.parent for each in part.glob("*/partition"))
             for holder in sorted((part / "holders").glob("*")):
-                uses.append(Use(part.name, f"is held by {holder.name} (LVM, RAID or encryption)", system=False))
+                uses.append(Use(part.name, f"is in use by {holder.name} (LVM, RAID or encryption)", system=False))
                 rest.append(holder.resolve())
         return list(dict.fromkeys(uses))
 
@@ -219,19 +219,22 @@ _BY_ID = "name the card by its link in /dev/disk/by-id, and unmount what is on i
 def write_objections(disk: BlockDevice, image_size: int = 0) -> tuple[str, ...]:
     """Return why the disk must not be written with an image of that size in bytes; empty if it may."""
     if disk.whole:
-        return (f"{disk.name} is a partition of {disk.whole}: an image wants the whole disk",)
+        return (f"{disk.name} is a partition of {disk.whole}: an image needs the whole disk",)
     objections = [f"this computer runs from it: {use.part} {use.how}" for use in disk.uses if use.system]
     objections += [f"{use.part} {use.how}" for use in disk.uses if not use.system]
     if disk.bus not in _CARDS:
-        objections.append(f"it is not removable: its bus is {disk.bus}, and cards are on USB or in an SD/MMC slot")
+        objections.append(f"it is not removable (bus {disk.bus}); cards are on USB or in an SD/MMC slot")
     if disk.read_only:
         objections.append("it is write-protected")
     if disk.size == 0:
         objections.append("there is no card in the reader")
     elif disk.size > _MOST:
-        objections.append(f"it has {disk.size / 1e9:.0f} GB, and no card of a gateway has more than {_MOST / 1e9:.0f}")
+        objections.append(
+            f"it has {disk.size / 1000000000.0:.0f} GB, but no card of a gateway has more than "
+            f"{_MOST / 1000000000.0:.0f}"
+        )
     elif disk.size < image_size:
-        objections.append(f"it has {disk.size} bytes, and the image needs {image_size}")
+        objections.append(f"it has {disk.size} bytes, but the image needs {image_size}")
     return tuple(objections)
 
 
@@ -258,7 +261,7 @@ def require_same_disk(tree: BlockTree, path: Path, expected_disk: BlockDevice, i
     if changes := [f"\n  its {what} was {was} and is {became}" for what, was, became in rows if was != became]:
         raise BlockDeviceError(
             f"{path} has changed since it was shown, and nothing was written:{''.join(changes)}",
-            hint="look at which card is in, then type the same again",
+            hint="check which card is inserted, then run the same command again",
         )
 
 
@@ -268,5 +271,5 @@ def require_confirmation(disk: BlockDevice, answer: str) -> None:
         what = "serial" if disk.serial else "name and size (it has no serial)"
         raise BlockDeviceError(
             f"`{answer.strip()}` is not the {what} of {disk.name}, and nothing was written",
-            hint=f"read it from the card or its reader; the kernel says {disk.proof}",
+            hint=f"read it from the card or its reader; the kernel reports {disk.proof}",
         )

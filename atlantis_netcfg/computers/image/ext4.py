@@ -27,7 +27,7 @@ PROGRAMS = {"e2fsck": "e2fsprogs", "debugfs": "e2fsprogs", "mcopy": "mtools"}
 """Programs that edit an image -> Debian packages that hold them."""
 _NOT_EDITED = frozenset({"inline_data"})
 """File system features that debugfs(8) can read but not edit."""
-_OTHER_IMAGE = "take an image of the vendor that was made without it"
+_OTHER_IMAGE = "use an image from the vendor that was made without it"
 
 _PATH = re.compile(r"(/[A-Za-z0-9._@+~-]+)+|/")
 _KINDS = {"regular": 0o100000, "directory": 0o040000, "symlink": 0o120000}
@@ -84,11 +84,11 @@ class Ext4:
         if unknown := re.search(r"unsupported feature\(s\): ([\w ,]*\w)", process.stdout):
             raise facts.ImageError(
                 f"the image's file system has features that e2fsprogs of this computer does not know: {unknown[1]}",
-                hint="work on a computer with a newer e2fsprogs, or take an older image of the vendor",
+                hint="use a computer with a newer e2fsprogs, or an older image from the vendor",
             )
         if process.returncode not in {0, _ERRORS_FIXED}:
             raise facts.ImageError(
-                f"the image's file system is damaged: {_last_line(process.stdout)}", hint="fetch it again"
+                f"the image's file system is damaged: {_last_line(process.stdout)}", hint="download it again"
             )
 
     def require_editable(self) -> None:
@@ -144,8 +144,8 @@ class Ext4:
             if status is not None and status.kind == "symlink":
                 to = f" to {status.target}" if re.fullmatch(r"[A-Za-z0-9._@+~/-]+", status.target) else ""
                 raise facts.ImageError(
-                    f"{path} of the image is a symbolic link{to}, and what lies behind a link is not edited",
-                    hint="take an image of the vendor in which it is a file or a folder itself",
+                    f"{path} of the image is a symbolic link{to}; files behind a link are not edited",
+                    hint="use an image from the vendor in which it is a file or directory",
                 )
 
     def apply(self, edits: Sequence[facts.Edit]) -> None:
@@ -196,7 +196,7 @@ class Ext4:
             current = status.kind == "symlink" and status.target == edit.target
         if not current:
             raise facts.ImageError(
-                f"{edit.path} of the image could not be set: {complaint or 'what is read back is something else'}",
+                f"{edit.path} of the image could not be written: {complaint or 'the data read back differs'}",
                 hint="the image's file system may be full; nothing was written to a card",
             )
 
@@ -246,7 +246,7 @@ def _complaint(text: str) -> str:
 
 
 def _last_line(text: str) -> str:
-    return next((line.strip() for line in reversed(text.splitlines()) if line.strip()), "it says nothing")
+    return next((line.strip() for line in reversed(text.splitlines()) if line.strip()), "no message")
 
 
 _SECTOR = 512
@@ -310,19 +310,19 @@ def find(image: Path, layout: DiskLayout) -> FileSystemOffsets:
         fat = [number for number, at in starts.items() if _is_fat(file.seek(at) and file.read(_SECTOR))]
     root = layout.root if layout.root is not None else _only_partition(ext4)
     if root not in ext4:
-        raise _layout_error(layout, f"its partition {root} holds no ext4")
+        raise _layout_error(layout, f"its partition {root} contains no ext4")
     if layout.root_at is not None and starts[root] != layout.root_at:
-        raise _layout_error(layout, f"its partition {root} begins at byte {starts[root]}, not at {layout.root_at}")
+        raise _layout_error(layout, f"its partition {root} starts at byte {starts[root]}, not at {layout.root_at}")
     if layout.boot is not None and layout.boot not in fat:
-        raise _layout_error(layout, f"its partition {layout.boot} holds no FAT")
+        raise _layout_error(layout, f"its partition {layout.boot} contains no FAT")
     boot = layout.boot if layout.boot is not None else next(iter(fat), None)
     return FileSystemOffsets(starts[root], None if boot is None else FatLocation(starts[boot]))
 
 
 def _layout_error(layout: DiskLayout, why: str) -> facts.ImageError:
     return facts.ImageError(
-        f"the image is not of layout `{layout.name}`: {why}",
-        hint=f"take the image of that board, or declare another `layout`: {', '.join(LAYOUTS)}",
+        f"the image does not have layout `{layout.name}`: {why}",
+        hint=f"use the image of that board, or set another `layout`: {', '.join(LAYOUTS)}",
     )
 
 
@@ -330,7 +330,7 @@ def _only_partition(ext4: list[int]) -> int:
     if len(ext4) != 1:
         finding = f"partitions {', '.join(map(str, ext4))} do" if ext4 else "none does"
         raise facts.ImageError(
-            f"one partition of the image must hold ext4, and {finding}", hint="declare the board's `layout`"
+            f"one partition of the image must hold ext4, and {finding}", hint="set the `layout` of the board"
         )
     return ext4[0]
 
@@ -338,12 +338,12 @@ def _only_partition(ext4: list[int]) -> int:
 def _partitions(start: bytes) -> dict[int, int]:
     """Return the first byte of each partition, by number: MBR (primary) or GPT (UEFI 2.10, 5.3)."""
     if not _has_magic(start, _BOOT_MAGIC):
-        raise facts.ImageError("the image holds no partition table", hint="is it an image of a whole card?")
+        raise facts.ImageError("the image contains no partition table", hint="is it an image of a whole card?")
     rows = [_ENTRY.unpack_from(start, _TABLE + _ENTRY.size * row) for row in range(4)]
     if not any(row[2] == _GPT_PROTECTIVE for row in rows):
         return {number: row[4] * _SECTOR for number, row in enumerate(rows, 1) if row[2] and row[4]}
     if start[_SECTOR : _SECTOR + 8] != b"EFI PART":
-        raise facts.ImageError("the GPT of the image is damaged", hint="fetch it again")
+        raise facts.ImageError("the GPT of the image is damaged", hint="download it again")
     where, count, size = struct.unpack_from("<QII", start, _SECTOR + 72)
     result = {}
     for row in range(min(count, 128)):

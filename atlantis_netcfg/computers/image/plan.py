@@ -55,7 +55,7 @@ def accounts(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     yield ImageFile(f"{folder}/authorized_keys", keys.encode(), 0o600, account.owner)
     yield from passwords(facts)
     if SSHD not in facts.files:
-        raise ImageError(f"the image has no {SSHD}: nobody could log in", hint="take an image with an SSH server")
+        raise ImageError(f"the image has no {SSHD}: nobody could log in", hint="use an image with an SSH server")
     if SSHD_PARTS not in facts.present:
         yield ImageDirectory(SSHD_PARTS)
     yield ImageFile(_OURS, _SSHD_TEXT.encode())
@@ -70,7 +70,7 @@ def _account(passwd: str, name: str) -> Account:
     row = rows.get(name)
     if row is None:
         people = ", ".join(item for item, row in rows.items() if row[6].endswith("sh")) or "none"
-        raise ImageError(f"the image has no account `{name}`", hint=f"declare `user`: the image has {people}")
+        raise ImageError(f"the image has no account `{name}`", hint=f"set `user`: the image has {people}")
     if row[6].endswith(("nologin", "false")):
         raise ImageError(f"account `{name}` of the image cannot log in: its shell is {row[6]}")
     return Account(name, (int(row[2]), int(row[3])), row[5] or "/", row[6])
@@ -151,7 +151,7 @@ def network(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
         if not request.interface:
             raise ImageError(
                 "the image configures its network by ifupdown, which needs the interface's name",
-                hint="declare `interface` of the host's image, like eth0",
+                hint="set `interface` of the host's image, for example eth0",
             )
         yield ImageFile("/etc/network/interfaces", _interfaces(request).encode())
     elif NETWORK_MANAGER in facts.present:
@@ -309,8 +309,7 @@ def notes(facts: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
         )
     if _has_cloud_init(facts):
         result.append(
-            "cloud-init of the image is switched off, and with it what it does at a first start, such as growing the "
-            "file system"
+            "cloud-init of the image is disabled, including its first-start tasks, such as growing the file system"
         )
     return tuple(result)
 
@@ -358,9 +357,9 @@ def _no_cloud_init(facts: ImageFacts) -> Iterator[Edit]:
     for place, text in facts.boot_words.items():
         if re.search(r"^[^#\n]*\bcloud-init=enabled\b", text, re.MULTILINE):
             raise ImageError(
-                f"{place} of the image tells the kernel `cloud-init=enabled`: address, accounts and host name would be "
-                "written anew at the first start",
-                hint="take an image of the vendor without it",
+                f"{place} of the image enables cloud-init (`cloud-init=enabled`): address, accounts and host name "
+                "would be overwritten at the first start",
+                hint="use an image from the vendor without it",
             )
     if _CLOUD not in facts.present:
         yield ImageDirectory(_CLOUD)
@@ -423,7 +422,7 @@ class Fat:
             file.write_bytes(content)
             process = self._run("mcopy", "-o", str(file), f"::{name}")
         if process.returncode or self.read(name) != content:
-            why = process.stderr.decode(errors="replace").strip() or "what is read back is something else"
+            why = process.stderr.decode(errors="replace").strip() or "the data read back differs"
             raise ImageError(f"{name} could not be written to the image's FAT partition: {why}")
 
     def _run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _MOST = 16 * 2**20
 """Maximum size of a block map file in bytes; larger files are rejected."""
-_HINT = "fetch it again, or move it away: without it every block of the image is written"
+_HINT = "download it again, or move it away: without it, every block of the image is written"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,16 +67,16 @@ def read(path: Path) -> Bmap:
     try:
         return _parse_bmap(text)
     except (ValueError, ET.ParseError) as error:
-        raise ImageError(f"{path}: damaged or no block map: {error}", hint=_HINT) from error
+        raise ImageError(f"{path}: not a block map, or damaged: {error}", hint=_HINT) from error
 
 
 def _parse_bmap(text: bytes) -> Bmap:
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise ValueError("it declares entities")
+        raise ValueError("it contains XML entities")
     root = ET.fromstring(text)  # noqa: S314 - bounded in size, and entities are refused above
     algorithm = (root.findtext("ChecksumType") or "sha256").strip().lower()
     if algorithm not in {"sha256", "sha512"}:
-        raise ValueError(f"checksums by `{algorithm}` are not known")
+        raise ValueError(f"unknown checksum type `{algorithm}`")
     _verify_own_checksum(text, (root.findtext("BmapFileChecksum") or "").strip(), algorithm)
     block, size = int(root.findtext("BlockSize") or ""), int(root.findtext("ImageSize") or "")
     if root.tag != "bmap" or block <= 0 or size <= 0:
@@ -91,7 +91,7 @@ def _verify_own_checksum(text: bytes, digest: str, algorithm: str) -> None:
 
 def _range(element: ET.Element, block: int, size: int) -> MappedRange:
     if not (match := re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+))?\s*", element.text or "")):
-        raise ValueError(f"`{element.text}` is no range")
+        raise ValueError(f"`{element.text}` is not a range")
     first = int(match[1])
     last = int(match[2]) if match[2] else first
     if last < first or first * block >= size:
@@ -135,7 +135,7 @@ def checksum(image: Path, sum_text: str | None = None) -> Checksum | None:
     """Return the checksum given by the user or stored beside the image, None if neither. Raises ImageError."""
     if sum_text is not None:
         if not re.fullmatch(r"[0-9a-fA-F]{64}", sum_text):
-            raise ImageError(f"`{sum_text}` is no SHA-256: that has 64 hex digits", hint=f"sha256sum {image}")
+            raise ImageError(f"`{sum_text}` is not a SHA-256 (64 hex digits)", hint=f"sha256sum {image}")
         return Checksum(sum_text.lower(), "sha256=")
     for name in (f"{image.name}.sha256", f"{image.name}.sha256sum", "SHA256SUMS", "sha256sums.txt"):
         sum_file = image.with_name(name)
@@ -166,12 +166,12 @@ def expand(image: Path, copy: Path, expected_sum: Checksum | None, tell: Callabl
     except OSError as error:
         raise ImageError(
             f"{image} cannot be unpacked to {copy.parent}: {error.strerror or error}",
-            hint="the unpacked image needs room there; TMPDIR=/some/directory provision … uses another place",
+            hint="the unpacked image needs space there; to use another place: TMPDIR=/some/directory provision …",
         ) from error
     if expected_sum is not None and reader.hexdigest() != expected_sum.sha256:
         raise ImageError(
-            f"{image}: its SHA-256 is {reader.hexdigest()}, and {expected_sum.told_by} says {expected_sum.sha256}",
-            hint="the file is damaged, or another one: fetch it again",
+            f"{image}: its SHA-256 is {reader.hexdigest()}, but {expected_sum.told_by} says {expected_sum.sha256}",
+            hint="the file is damaged or a different one: download it again",
         )
     told_by = expected_sum.told_by if expected_sum else ""
     return UnpackedImage(copy, size, reader.hexdigest(), told_by, writer.spans)
@@ -213,7 +213,7 @@ class _HashingReader(io.RawIOBase):
 def _unpack_image(image: Path, reader: _HashingReader, out: _Sparse) -> None:
     for magic, name, tool in _OTHERS:
         if reader.start.startswith(magic):
-            raise ImageError(f"{image} is packed by {name}", hint=f"unpack it first: {tool} {image.name}")
+            raise ImageError(f"{image} is packed with {name}", hint=f"unpack it first: {tool} {image.name}")
     buffer = io.BufferedReader(reader, _CHUNK)
     plain: IO[bytes] = buffer
     if reader.start.startswith(b"\xfd7zXZ\x00"):
@@ -224,7 +224,9 @@ def _unpack_image(image: Path, reader: _HashingReader, out: _Sparse) -> None:
         while chunk := plain.read(_CHUNK):
             out.write(chunk)
     except (EOFError, lzma.LZMAError, gzip.BadGzipFile, zlib.error) as error:
-        raise ImageError(f"{image} is damaged or was not fetched whole: {error}", hint="fetch it again") from error
+        raise ImageError(
+            f"{image} is damaged or was not downloaded completely: {error}", hint="download it again"
+        ) from error
     finally:
         while buffer.read(_CHUNK):  # what was read ahead is in the checksum already
             pass
@@ -284,8 +286,8 @@ class _Sparse:
             return
         if mapped_range.digest and self._digest.hexdigest() != mapped_range.digest:
             raise ImageError(
-                f"bytes {mapped_range.start} to {mapped_range.end} of the image are not those of its block map",
-                hint="the image or its .bmap file is damaged: fetch both again",
+                f"bytes {mapped_range.start} to {mapped_range.end} of the image do not match its block map",
+                hint="the image or its .bmap file is damaged: download both again",
             )
         self._digest = hashlib.new(self._map.algorithm)
 
@@ -293,8 +295,8 @@ class _Sparse:
         """Extend the copy to its full length; return the image's length."""
         if self._map is not None and self._map.size != self._at:
             raise ImageError(
-                f"{image} has {self._at} bytes, and its block map speaks of {self._map.size}",
-                hint="the image is not whole, or the .bmap file belongs to another one",
+                f"{image} has {self._at} bytes, but its block map says {self._map.size}",
+                hint="the image is incomplete, or the .bmap file belongs to another one",
             )
         self._file.truncate(-(-self._at // _PADDING) * _PADDING)
         return self._at

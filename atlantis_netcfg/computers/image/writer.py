@@ -35,7 +35,7 @@ class WriterStep(StrEnum):
     """A step that takes long, as shown to the user."""
 
     UNPACKING = "unpacking the image"
-    CLEARING = "clearing what must be empty"
+    CLEARING = "clearing areas that must be empty"
     WRITING = "writing"
     COMPARING = "reading back"
 
@@ -209,7 +209,7 @@ class _CardWriter:
         if isinstance(error, KeyboardInterrupt):
             why = "it was stopped"
         elif isinstance(error, OSError):
-            why = f"the card does not take it ({error.strerror})"
+            why = f"the write to the card failed ({error.strerror})"
         try:
             self._write_chunk(0, self._head, zero=True)
             os.fsync(self._card)
@@ -218,8 +218,8 @@ class _CardWriter:
         else:
             now = "Its first block is empty, so it does not boot"
         return CardWriteError(
-            f"the card was not finished: {why}. {now}",
-            hint="type the same again; if it fails at the same place, take another card",
+            f"the card was not written completely: {why}. {now}",
+            hint="run the same command again; if it fails at the same place, use another card",
         )
 
     def _clear(self) -> None:
@@ -252,7 +252,7 @@ class _CardWriter:
             for at, size in _chunks(part):
                 expected_data = _zeros(size) if part.kind is SourceKind.ZERO else self._source_data(at, size)
                 if self._read(at, size) != expected_data:
-                    raise _VerifyError(f"bytes {at} to {at + size} read back from it are not those that were written")
+                    raise _VerifyError(f"bytes {at} to {at + size} read back from it differ from those written")
                 done_bytes += size
                 meter(done_bytes, total)
         self._compared += done_bytes

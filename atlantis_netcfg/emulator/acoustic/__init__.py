@@ -17,6 +17,9 @@ __all__ = ["NOT_REHEARSED", "EvologicsSpec", "RunningEvologics", "RunningSeatrac
 
 
 NOT_REHEARSED = (
-    "an acoustic modem: sound in water, real times of travel and retries, connections and their data, more firmware",
-    "an acoustic modem: its words for errors, and what it does with a second client, are inferred",
+    (
+        "an acoustic modem: sound in water, real travel times and retries, connections and their data, more firmware "
+        "versions"
+    ),
+    "an acoustic modem: its error messages and its handling of a second client are inferred",
 )

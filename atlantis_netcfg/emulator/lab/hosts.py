@@ -481,14 +481,14 @@ def _file(path: Path, text: str, mode: int) -> None:
 
 
 NOT_REHEARSED = (
-    "the clock: it is this computer's and cannot be set, and chrony does not start",
-    "the kernel: it is this computer's, with its modules and its processor, not the board's; none can be loaded",
-    "kernel settings outside net.*: they cannot be written, nor those of net.* that a namespace does not have",
-    "reboot: a machine that reboots ends; power can be cut and given again",
-    "the watchdog, the eMMC and the card, U-Boot, serial ports, GPS: there are none",
-    "what a power cut costs: whatever was written is kept, also what was never fsynced",
-    "Ubuntu: the machine is a Debian",
-    "limits of memory and processor time of a service: they are accepted, and hold where this computer hands them down",
-    "the network beyond the yard: there is none",
+    "the clock: it is this computer's and cannot be set; chrony does not start",
+    "the kernel: it is this computer's, with its modules and processor, not the board's; no module can be loaded",
+    "kernel settings: those outside net.* cannot be written, nor those of net.* that a namespace lacks",
+    "reboot: a machine that reboots stops; its power can be cut and restored",
+    "the watchdog, the eMMC and the card, U-Boot, serial ports, GPS: not present",
+    "the effect of a power cut: all written data are kept, including data that were never fsynced",
+    "Ubuntu: the machine runs Debian",
+    "memory and processor limits of a service: they are accepted, but only work if this computer delegates them",
+    "the network beyond the rehearsal: there is none",
 )
 """Limits of a rehearsal with machines; printed in the rehearsal's report."""

@@ -47,4 +47,4 @@ __all__ = [
     "lan_computer",
 ]
 
-NOT_REHEARSED = ("a gateway computer: its programs' answers are emulated, the programs themselves do not run",)
+NOT_REHEARSED = ("a gateway computer: the output of its programs is emulated; the programs do not run",)

@@ -434,7 +434,7 @@ class RutosModem:
 
 
 NOT_REHEARSED = (
-    "Teltonika RutOS: how long its modem takes to register, and the link to it, which is neither slow nor metered here",
+    "Teltonika RutOS: the time its modem takes to register; its link, which here is neither slow nor metered",
 )
 
 

@@ -57,23 +57,25 @@ def plain(value: object) -> str:
 def _line(value: object) -> str:
     text = plain(value)
     if not text:
-        raise wrong("there is no text", "write a word or two")
+        raise wrong("the text is missing", "write a word or two")
     if not text.isprintable():
-        raise wrong("the text has a line break or another control character", "write it in one line")
+        raise wrong("the text contains a line break or another control character", "write it on one line")
     return text
 
 
 def _port(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"(ether|sfp|sfp-sfpplus|qsfpplus|combo)[0-9]+(-[0-9]+)?", text):
-        raise wrong(f"`{text}` is no port of a RouterOS device", "a port has its factory name, like ether1 or sfp1")
+        raise wrong(
+            f"`{text}` is not a port of a RouterOS device", "a port has its factory name, for example ether1 or sfp1"
+        )
     return text
 
 
 def _account(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"[a-z_][a-z0-9_-]{0,31}", text):
-        raise wrong(f"`{text}` is no name of an account", "an account is like root or odroid")
+        raise wrong(f"`{text}` is not a valid account name", "an account name is, for example, root or odroid")
     return text
 
 
@@ -82,7 +84,7 @@ def _secret(value: object) -> Secret:
         return value
     text = plain(value)
     if not text:
-        raise wrong("the secret is empty", "write the secret, or EXAMPLE-… while there is none")
+        raise wrong("the secret is empty", "write the secret, or EXAMPLE-… until there is one")
     return Secret(text)
 
 
@@ -97,17 +99,17 @@ def _address(value: object) -> IPv4Address:
 
 
 def _why_no_address(text: str) -> tuple[str, str]:
-    like = "an address is four numbers from 0 to 255, like 10.64.1.1"
+    like = "an address is four numbers from 0 to 255, for example 10.64.1.1"
     if "/" in text:
-        return f"`{text}` has a prefix length: one address is wanted here", text.partition("/")[0] or like
+        return f"`{text}` has a prefix length: a single address is expected here", text.partition("/")[0] or like
     if ":" in text:
-        return f"`{text}` is no IPv4 address: the address plan is IPv4 only", like
+        return f"`{text}` is not an IPv4 address: the address plan is IPv4 only", like
     if re.fullmatch(r"\d+(\.\d+){3}", text):
         if too_large := [part for part in text.split(".") if len(part) > 3 or int(part) > 255]:  # noqa: PLR2004
-            return f"`{text}` is no IPv4 address: {too_large[0]} is more than 255", like
+            return f"`{text}` is not an IPv4 address: {too_large[0]} is more than 255", like
         clean = ".".join(str(int(part)) for part in text.split("."))
-        return f"`{text}` is no IPv4 address: a number in it begins with 0", clean
-    return f"`{text}` is no IPv4 address", like
+        return f"`{text}` is not an IPv4 address: one of its numbers starts with 0", clean
+    return f"`{text}` is not an IPv4 address", like
 
 
 def _network(value: object) -> IPv4Network:
@@ -120,7 +122,7 @@ def _network(value: object) -> IPv4Network:
     except ValueError:
         raise wrong(*_why_no_network(text, address)) from None
     if not slash:
-        raise wrong(f"`{text}` has no prefix length: a network is wanted here", f"{text}/24")
+        raise wrong(f"`{text}` has no prefix length: a network is expected here", f"{text}/24")
     if not re.fullmatch(r"\d{1,2}", prefix) or int(prefix) > _PREFIX_MAX:
         raise wrong(f"`{text}`: the prefix length is a number from 0 to 32", f"{address}/24")
     network = IPv4Network(f"{address}/{int(prefix)}", strict=False)
@@ -131,7 +133,9 @@ def _network(value: object) -> IPv4Network:
 
 def _why_no_network(text: str, address: str) -> tuple[str, str]:
     what, _ = _why_no_address(address)
-    return what.replace(f"`{address}`", f"`{text}`").replace("address:", "network:"), "a network is like 10.64.1.0/24"
+    return what.replace(f"`{address}`", f"`{text}`").replace(
+        "address:", "network:"
+    ), "example of a network: 10.64.1.0/24"
 
 
 def _mac(value: object) -> str:
@@ -140,7 +144,7 @@ def _mac(value: object) -> str:
     if not re.fullmatch(r"(?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}", text):
         whole = re.fullmatch(r"[0-9A-Fa-f]{12}", pairs) and re.fullmatch(r"[0-9A-Fa-f.: -]+", text)
         right = ":".join(pairs[i : i + 2] for i in range(0, 12, 2)).upper() if whole else "02:00:5E:00:01:10"
-        raise wrong(f"`{text}` is no MAC address", f'six pairs of hex digits: "{right}"')
+        raise wrong(f"`{text}` is not a MAC address", f'write six pairs of hex digits: "{right}"')
     if int(text[:2], 16) & 1:
         raise wrong(f"`{text}` is a multicast MAC address", "read it from the device: its second digit is even")
     return text.upper()
@@ -157,14 +161,14 @@ def _dns_name(value: object) -> str:
     text = plain(value)
     label = r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
     if not re.fullmatch(rf"{label}(?:\.{label})*", text) or len(text) > 253:  # noqa: PLR2004 - RFC 1035, 2.3.4
-        raise wrong(f"`{text}` is no DNS name", "a DNS name is like vpn.example.org")
+        raise wrong(f"`{text}` is not a DNS name", "example of a DNS name: vpn.example.org")
     return text
 
 
 def _sha256(value: object) -> str:
     text = plain(value).lower()
     if not re.fullmatch(r"[0-9a-f]{64}", text):
-        raise wrong(f"`{text}` is no SHA-256: that has 64 hex digits", "copy what `sha256sum FILE` prints")
+        raise wrong(f"`{text}` is not a SHA-256 (64 hex digits)", "copy the output of `sha256sum FILE`")
     return text
 
 
@@ -172,7 +176,7 @@ def _fingerprint(value: object) -> str:
     text = plain(value).replace(":", "").lower()
     if not re.fullmatch(r"[0-9a-f]{64}", text):
         raise wrong(
-            f"`{value}` is no fingerprint of a certificate: a SHA-256 has 64 hex digits",
+            f"`{value}` is not a certificate fingerprint (SHA-256, 64 hex digits)",
             "copy `fingerprint` of  /certificate print detail  on the device",
         )
     return text
@@ -181,7 +185,9 @@ def _fingerprint(value: object) -> str:
 def _host_key(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"SHA256:[A-Za-z0-9+/]{43}", text):
-        raise wrong(f"`{text}` is no fingerprint of an SSH host key", "copy what `ssh-keygen -l` prints: SHA256:…")
+        raise wrong(
+            f"`{text}` is not the fingerprint of an SSH host key", "copy the output of `ssh-keygen -l`: SHA256:…"
+        )
     return text
 
 
@@ -190,13 +196,15 @@ def _day(value: object) -> str:
     try:
         return date.fromisoformat(text).isoformat()
     except ValueError:
-        raise wrong(f"`{text}` is no day", 'year, month and day in quotes, like "2026-11-21"') from None
+        raise wrong(
+            f"`{text}` is not a date", 'write year, month and day in quotes, for example "2026-11-21"'
+        ) from None
 
 
 def _currency(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"[A-Z]{3}", text):
-        raise wrong(f"`{text}` is no currency", "three capital letters, like EUR (ISO 4217)")
+        raise wrong(f"`{text}` is not a currency", "write three capital letters, for example EUR (ISO 4217)")
     return text
 
 

@@ -58,11 +58,11 @@ def _reading(value: object) -> str:
         first = text.partition(" ")[0]
         if first in reading_programs.names():
             raise _base.wrong(
-                f"`{text}` is not a form of `{first}` that the checklist may run", "docs/checklist.md lists the forms"
+                f"`{text}` is not a form of `{first}` that the checklist can run", "docs/checklist.md lists the forms"
             )
         programs = ", ".join(reading_programs.names())
         raise _base.wrong(
-            f"the checklist may not run `{text}`", f"it runs programs that only read: {programs} (docs/checklist.md)"
+            f"the checklist may not run `{text}`", f"it runs only programs that read: {programs} (docs/checklist.md)"
         )
     return text
 
@@ -112,13 +112,13 @@ class CheckItem(_base.Model):
         others = [name for name in names if getattr(self, name) != fields[name].default]
         if others:
             raise _base.wrong(
-                f"`{self.id}` is of kind {self.kind}, and has `{others[0]}`",
+                f"`{self.id}` is of kind {self.kind}, but has `{others[0]}`",
                 f"remove `{others[0]}:`, or correct `kind:`",
             )
         required_names = ("look_for",) if person else ("command", "expect")
         for name in required_names:
             if getattr(self, name) is None:
-                raise _base.wrong(f"`{self.id}` is of kind {self.kind}, and has no `{name}`", f"add `{name}:`")
+                raise _base.wrong(f"`{self.id}` is of kind {self.kind}, but has no `{name}`", f"add `{name}:`")
         return self
 
     @model_validator(mode="after")
@@ -131,14 +131,12 @@ class CheckItem(_base.Model):
                 "write `evidence: number`, or remove it",
             )
         if number and self.unit is None:
-            raise _base.wrong(f"`{self.id}` asks for a number, and has no `unit`", "add `unit:`, like V or bar")
+            raise _base.wrong(f"`{self.id}` asks for a number, but has no `unit`", "add `unit:`, for example V or bar")
         if number and self.min is None and self.max is None:
-            raise _base.wrong(
-                f"`{self.id}` asks for a number, and no number would be wrong", "add `min:` or `max:`, or both"
-            )
+            raise _base.wrong(f"`{self.id}` asks for a number, but has no limits", "add `min:` or `max:`, or both")
         if self.min is not None and self.max is not None and self.min > self.max:
             raise _base.wrong(
-                f"`min: {self.min:g}` of `{self.id}` is above `max: {self.max:g}`", "write the smaller number at `min`"
+                f"`min: {self.min:g}` of `{self.id}` is above `max: {self.max:g}`", "set `min` to the smaller number"
             )
         return self
 
@@ -153,7 +151,7 @@ class SiteCheckItem(CheckItem):
     def _require_vehicle(self) -> Self:
         if self.phase is Phase.INTEGRATION and self.vehicle is None:
             raise _base.wrong(
-                f"`{self.id}` has `phase: integration`, and no vehicle", "add `vehicle:`: a record is one robot's"
+                f"`{self.id}` has `phase: integration`, but no vehicle", "add `vehicle:`: a record is for one robot"
             )
         return self
 

@@ -32,12 +32,12 @@ _KINDS = (
 def _ssh_key(value: object) -> str:
     text = _base.plain(value)
     if "PRIVATE KEY" in text:
-        raise _base.wrong("this is a private key", "take it out of the inventory, and write what its .pub file holds")
+        raise _base.wrong("this is a private key", "remove it from the inventory, and use the content of its .pub file")
     kind, _, rest = text.partition(" ")
     body = rest.split(" ")[0]
     like = "copy the line of the technician's .pub file: kind, key, name"
     if kind not in _KINDS or not text.isprintable():
-        raise _base.wrong("this is no public SSH key that a server takes", like)
+        raise _base.wrong("this is not a public SSH key that a server accepts", like)
     try:
         data = base64.b64decode(body, validate=True)
     except ValueError:
@@ -56,14 +56,16 @@ SshKey = Annotated[str, BeforeValidator(_ssh_key), _base.text_like(_KEY)]
 def _interface(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"[a-z][a-z0-9]{0,14}", text):
-        raise _base.wrong(f"`{text}` is no name of a network interface", "`ip link` on the board shows it, like eth0")
+        raise _base.wrong(
+            f"`{text}` is not the name of a network interface", "`ip link` on the board shows it, for example eth0"
+        )
     return text
 
 
 def _receiver(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,31}", text):
-        raise _base.wrong(f"`{text}` is no name of a receiver", "a name below /dev, like ttyACM0")
+        raise _base.wrong(f"`{text}` is not the name of a receiver", "use a name below /dev, for example ttyACM0")
     return text
 
 
@@ -71,8 +73,8 @@ def _network_file(value: object) -> str:
     text = _base.plain(value)
     place = r"/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+"
     if ".." in text or not re.fullmatch(place, text):
-        hint = "its whole path, like /etc/netplan/50-cloud-init.yaml"
-        raise _base.wrong(f"`{text}` is no file that configures a network", hint)
+        hint = "write its full path, for example /etc/netplan/50-cloud-init.yaml"
+        raise _base.wrong(f"`{text}` is not a network configuration file", hint)
     return text
 
 

@@ -119,5 +119,5 @@ class Dds(_base.Model):
         if self.over is DdsPath.LAN:
             return str(device.address)
         if device.vpn_address is None:
-            raise ValueError("a participant over the VPN without an address in it has passed validation")
+            raise ValueError("internal error: a participant over the VPN without a VPN address has passed validation")
         return str(device.vpn_address)

@@ -175,7 +175,7 @@ class GpsEndpoint(_EndpointModel):
     @model_validator(mode="after")
     def _require_serial_device(self) -> Self:
         if self.driver is GpsDriver.NMEA_SERIAL and self.device is None:
-            raise _base.wrong("`driver: nmea_serial` needs the port's path", "device: /dev/ttyUSB0")
+            raise _base.wrong("`driver: nmea_serial` needs the path of the port", "device: /dev/ttyUSB0")
         return self
 
 

@@ -98,7 +98,7 @@ class Retrieval(_base.Model):
     @model_validator(mode="after")
     def _require_source(self) -> Self:
         if not self.all_sources:
-            raise _base.wrong("nothing is declared to be retrieved", "write `sources:`, or `robots:`")
+            raise _base.wrong("there is nothing to retrieve", "add `sources:` or `robots:`")
         return self
 
     @property

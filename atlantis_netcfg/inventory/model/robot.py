@@ -36,19 +36,20 @@ def _ros_type(value: object) -> str:
 
 def _video_link(value: object) -> str:
     text = _base.plain(value)
-    like = "a link is like rtsp://10.64.1.23:8554/bow"
+    like = "example of a link: rtsp://10.64.1.23:8554/bow"
     try:
         parts = urlsplit(text)
         _ = parts.port  # raises ValueError where it is no number
     except ValueError:
-        raise _base.wrong("this is no link to a video stream", like) from None
+        raise _base.wrong("this is not a link to a video stream", like) from None
     if parts.scheme not in _SCHEMES:
-        raise _base.wrong(f"a video stream begins with one of {', '.join(_SCHEMES)}", like)
+        raise _base.wrong(f"the link to a video stream starts with one of {', '.join(_SCHEMES)}", like)
     if not parts.hostname or re.search(r"\s", text):
         raise _base.wrong("this link names no computer", like)
     if parts.password is not None:
         raise _base.wrong(
-            "a password in a link is shown to every operator", "let the camera do without, or use a link of its own"
+            "a password in a link is shown to every operator",
+            "configure the camera without a password, or use a separate link",
         )
     return text
 

@@ -24,7 +24,8 @@ def _command(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"/[!-~]+( +[!-~]+)*", text) or any(sign in text for sign in "%$\\'\"`"):
         raise _base.wrong(
-            f"`{text}` is no command", "the program's whole path and its arguments, like /opt/backend/run --port 8443"
+            f"`{text}` is not a command",
+            "write the full path of the program and its arguments, for example /opt/backend/run --port 8443",
         )
     return text
 
@@ -48,7 +49,7 @@ def _master(value: object) -> str:
         IPv4Address(match[1] if match else "")
     except ValueError:
         raise _base.wrong(
-            f"`{text}` is no master of ROS 1", "its address and port, like http://192.0.2.10:11311"
+            f"`{text}` is not a ROS 1 master", "write its address and port, for example http://192.0.2.10:11311"
         ) from None
     return text.rstrip("/")
 

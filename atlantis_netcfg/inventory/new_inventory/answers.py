@@ -24,7 +24,7 @@ def _room(longest: int) -> Callable[[IPv4Network], IPv4Network]:
 
     def check(network: IPv4Network) -> IPv4Network:
         if network.prefixlen > longest:
-            raise wrong(f"{network} is too small here", f"a network of /{longest} or larger")
+            raise wrong(f"{network} is too small here", f"use a network of /{longest} or larger")
         return network
 
     return check
@@ -62,7 +62,7 @@ def _distinct(partners: tuple[str, ...]) -> tuple[str, ...]:
     names = [partner_row(text)[0] for text in partners]
     for text, name in zip(partners, names, strict=True):
         if why_no_name(name) is not None:
-            raise wrong(f"no partner can have the name `{text}`", "a name has letters or digits")
+            raise wrong(f"no partner can be named `{text}`", "a name has letters or digits")
         if names.count(name) > 1:
             raise wrong(f"two partners have the name `{name}`", "name each partner once")
     return partners
@@ -218,6 +218,6 @@ class InventoryAnswers(Model):
     @model_validator(mode="after")
     def _check_names(self) -> Self:
         if self.control_centre.name in self.sites:
-            message = f"`{self.control_centre.name}` is the name of the control centre and of a site"
+            message = f"`{self.control_centre.name}` is the name of both the control centre and a site"
             raise wrong(message, "give one of them another name")
         return self

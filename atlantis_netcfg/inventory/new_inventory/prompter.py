@@ -119,4 +119,4 @@ def _require_text(text: str) -> None:
     if len(text) > _LONGEST:
         raise InvalidAnswer(f"An answer has at most {_LONGEST} characters.")
     if not text.isprintable() or "\ufffd" in text:  # which stands for bytes that are no text
-        raise InvalidAnswer("The answer has characters that cannot be printed: type it again.")
+        raise InvalidAnswer("The answer contains unprintable characters: type it again.")

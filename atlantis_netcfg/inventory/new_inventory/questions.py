@@ -38,7 +38,7 @@ _THOUSANDS = re.compile(r"[1-9][0-9]{0,2}(?:([., '\u2019])[0-9]{3})(?:\1[0-9]{3}
 """A number with thousands separators, or with one that may be a decimal separator."""
 _HERE = Mark("answer", 1, 1)
 _EXAMPLE = "an EXAMPLE value"
-_NOTHING = "left out"
+_NOTHING = "excluded"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +62,9 @@ _PROBE_TARGETS = Question(
     "canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed", is_detail=True
 )
 _PLACE = (
-    Question("title", "What people call it", "its short name", is_detail=True),
-    Question("lan", "Local network (like 10.20.1.0/24)"),
-    Question("management", "Network of the management port (like 10.20.101.0/24)", is_detail=True),
+    Question("title", "Name in everyday use", "its short name", is_detail=True),
+    Question("lan", "Local network (for example 10.20.1.0/24)"),
+    Question("management", "Network of the management port (for example 10.20.101.0/24)", is_detail=True),
     Question("domain", "DNS suffix of the local network", is_detail=True),
     Question("router_ports", "Ethernet ports of the router", is_detail=True),
 )
@@ -74,14 +74,12 @@ _PILOT = (
     Question("time_zone", "Time zone", "that of the country", is_detail=True),
     Question("time_servers", "Addresses of time servers", is_detail=True),
     Question("ros_distribution", "ROS 2 of the gateways (foxy, humble, jazzy)", "neither ROS nor DDS"),
-    Question(
-        "partners", "Partners in the VPN (numbers or names, with commas between)", "no partners", note=_PARTNERS_NOTE
-    ),
+    Question("partners", "Partners in the VPN (numbers or names, comma-separated)", "no partners", note=_PARTNERS_NOTE),
 )
 _VPN = (
-    Question("endpoint", "Public address of the VPN's server"),
-    Question("endpoint_name", "DNS name of the VPN's server"),
-    Question("network", "Tunnel addresses, /20 or larger (like 10.80.0.0/16)", is_detail=True),
+    Question("endpoint", "Public address of the VPN server"),
+    Question("endpoint_name", "DNS name of the VPN server"),
+    Question("network", "Tunnel addresses, /20 or larger (for example 10.80.0.0/16)", is_detail=True),
 )
 _CABLE = (
     Question("network", "Network between router and provider"),
@@ -92,7 +90,7 @@ _CABLE = (
 _BRIDGE = (
     Question("network", "Network of the bridge, /29 or larger", is_detail=True),
     Question("ssid", "Name of the radio network (SSID)"),
-    Question("protocol", "What the radios speak (nv2, 802.11)", "nv2", is_detail=True),
+    Question("protocol", "Protocol of the radios (nv2, 802.11)", "nv2", is_detail=True),
     Question("frequency_mhz", "Frequency in MHz (5 GHz band)"),
     Question("distance_m", "Distance in metres", is_detail=True),
     Question("antenna_gain_dbi", "Gain of the antennas in dBi", is_detail=True),
@@ -102,8 +100,8 @@ _BRIDGE = (
 )
 _LTE = (
     Question("network", "Network between router and 4G unit, /29 or larger", is_detail=True),
-    Question("driver", "Unit (routeros, rutos, modemmanager, manual)", "manual: a person looks"),
-    Question("apn", "APN of the SIM's contract", "the network's own"),
+    Question("driver", "Unit (routeros, rutos, modemmanager, manual)", "manual: a person checks it"),
+    Question("apn", "APN of the SIM's contract", "that of the network"),
     Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
     _PROBE_TARGETS,
     _RATE,
@@ -112,7 +110,7 @@ _SATELLITE = (
     Question("network", "Network between router and terminal, /29 or larger", is_detail=True),
     Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
 )
-_GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is made"),)
+_GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is written"),)
 _PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
     ("wifi_bridge", "Is there a Wi-Fi bridge to the control centre?", BridgeAnswers, _BRIDGE),
     ("cable", "Is there a cable to a provider?", CableAnswers, (*_CABLE[:-1], _PROBE_TARGETS, _RATE)),
@@ -152,14 +150,14 @@ class Interview:
         centre = self._centre() if self.asks_all else {"name": _CENTRE}
         sites = {}
         self._start("The test sites")
-        for site in self.names("Short names of the test sites, with commas between", "", other=centre["name"]):
+        for site in self.names("Short names of the test sites, comma-separated", "", other=centre["name"]):
             self._start(f"The test site {site}")
             sites[site] = self.site()
         return {"pilot": pilot, "vpn": vpn, "control_centre": centre, "sites": sites}
 
     def _centre(self) -> dict[str, Any]:
         self._start("The control centre, the far end of all links")
-        (name,) = self.names("Short name of it", _CENTRE)
+        (name,) = self.names("Its short name", _CENTRE)
         centre = {"name": name, **self.block(CentreAnswers, _PLACE)}
         self._start("Its link to the rest of the world")
         centre["uplink"] = self.block(CableAnswers, _CABLE)
@@ -200,9 +198,9 @@ class Interview:
             if default and len(names) > 1:
                 problems.append("Type one name.")
             if len(names) > MOST_SITES:
-                problems.append(f"There is room for {MOST_SITES} sites.")
+                problems.append(f"At most {MOST_SITES} sites are possible.")
             if not names or len(set(names)) < len(names) or other in names:
-                problems.append("Type a name for each, none of them twice.")
+                problems.append("Type one name for each, all different.")
             if problems:
                 raise InvalidAnswer(problems[0])
             return names
@@ -260,7 +258,7 @@ def _partner_names(text: str) -> list[str]:
         is_known = all(word in short_names or word.isdecimal() for word in words)
         for word in words if is_known else [part]:
             if word.isdecimal() and word not in map(str, range(1, len(short_names) + 1)):
-                raise InvalidAnswer(f"Partner {word} is not known: type 1 to {len(short_names)}, or a name.")
+                raise InvalidAnswer(f"Unknown partner {word}: type 1 to {len(short_names)}, or a name.")
             names.append(short_names[int(word) - 1] if word.isdecimal() else word)
     return names
 

@@ -27,9 +27,9 @@ def refuse_used(folder: Path) -> None:
     another = "name a folder that does not exist yet"
     if folder.is_dir():
         if any(folder.iterdir()):
-            raise UsageError(f"{folder} has something in it, so nothing was written", hint=another)
+            raise UsageError(f"{folder} is not empty, so nothing was written", hint=another)
     elif folder.exists() or folder.is_symlink():
-        raise UsageError(f"{folder} is no folder", hint=another)
+        raise UsageError(f"{folder} is not a folder", hint=another)
     elif not folder.absolute().parent.is_dir():
         raise UsageError(f"the folder above {folder} does not exist", hint=f"mkdir -p {folder.parent}")
 

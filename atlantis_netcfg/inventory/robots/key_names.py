@@ -74,8 +74,8 @@ class KeyNames:
                 below = keys.pop(key)
                 inner = model_of(item_of(info.annotation) or info.annotation)
                 if name in keys:
-                    hint = f"keep `{key}`: robots/keys.yml says that it is called so"
-                    clashes.append(Finding.at(keys.pop(name).place, f"`{key}` stands here as well as `{name}`", hint))
+                    hint = f"keep `{key}`: robots/keys.yml uses this name"
+                    clashes.append(Finding.at(keys.pop(name).place, f"`{key}` and `{name}` are both here", hint))
                 ours[name] = below if inner is None else self._rename(below, inner, (*path, name), clashes)
         return replace(node, value={**ours, **keys})  # what is left is unknown to the model, which says so
 
@@ -83,20 +83,24 @@ class KeyNames:
 def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
     """Parse `robots/keys.yml`; return the key names and the findings."""
     findings = [
-        Finding.at(below.place, f"`{shown_key(key)}` is not known here", suggest(key, _OURS, none=""))
+        Finding.at(below.place, f"unknown key `{shown_key(key)}`", suggest(key, _OURS, none=""))
         for key, below in node.keys.items()
         if key not in _OURS
     ]
     known_keys, names = set(key_paths(RobotFile)), dict[str, str]()
     keys, ignored_node = node.keys.get("keys"), node.keys.get("ignored")
     if keys is not None and keys.value is not None and not isinstance(keys.value, dict):
-        findings.append(Finding.at(keys.place, "`keys` wants a block of keys", "write `our_key: their_key` below it"))
+        findings.append(Finding.at(keys.place, "`keys` needs a block of keys", "write `our_key: their_key` below it"))
     for ours, theirs in (keys.keys if keys is not None else {}).items():
         if ours not in known_keys:
-            message = f"a robot's file has no key `{shown_key(ours)}`: ours stand on the left"
+            message = f"a robot's file has no key `{shown_key(ours)}`: our keys are on the left"
             findings.append(Finding.at(theirs.place, message, suggest(ours, sorted(known_keys), none="")))
         elif not (isinstance(theirs.value, str) and re.fullmatch(KEY, theirs.value)):
-            findings.append(Finding.at(theirs.mark, f"`{theirs.text}` is no key of a file", "write it like executor"))
+            findings.append(
+                Finding.at(
+                    theirs.mark, f"`{theirs.text}` is not a key of a file", "write it as in this example: executor"
+                )
+            )
         else:
             names[ours] = theirs.value
     ignored_keys: list[str] = []
@@ -104,8 +108,8 @@ def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
         entries = ignored_node.value if isinstance(ignored_node.value, list) else []
         ignored_keys = [entry.value for entry in entries if isinstance(entry.value, str)]
         if not isinstance(ignored_node.value, list) or len(ignored_keys) < len(entries):
-            hint = "write it like [colour, owner]"
-            findings.append(Finding.at(ignored_node.place, "`ignored` wants a list of keys", hint))
+            hint = "write it as in this example: [colour, owner]"
+            findings.append(Finding.at(ignored_node.place, "`ignored` needs a list of keys", hint))
     topic = node.keys.get("configuration_topic")
     name = str(topic.value) if topic is not None else CONFIGURATION_TOPIC
     if topic is not None and (why := why_no_name(name) or _explain_relative_name(name)):
@@ -114,7 +118,7 @@ def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
 
 
 def _explain_relative_name(name: str) -> tuple[str, str] | None:
-    return None if name.startswith("/") else (f"`{name}` is below no namespace: all robots share it", f"/{name}")
+    return None if name.startswith("/") else (f"`{name}` is in no namespace: all robots share it", f"/{name}")
 
 
 def key_paths(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[str]:

@@ -138,7 +138,7 @@ def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]
         return None, "it is larger than 1 MB"
     node, findings = _yaml.parse(data, "line", None)
     if node is None or not isinstance(node.value, dict):
-        return None, str(findings[0]) if findings else "it holds no keys"
+        return None, str(findings[0]) if findings else "it contains no keys"
     root, findings = names.translate(node)
     robot, _, wrong = loader.build(root, RobotFile, "it", names.key_of)
     findings = sorted((*findings, *wrong))
@@ -154,7 +154,7 @@ def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSourc
         if there is not source:
             mark = there.mark(("namespace",))
             message = f"another robot has this namespace: {mark.file}:{mark.line}"
-            finding = source.wrong(("namespace",), message, "give each robot a namespace of its own")
+            finding = source.wrong(("namespace",), message, "give each robot its own namespace")
             source = replace(source, findings=(*source.findings, finding))  # noqa: PLW2901 - the same with its error
         result.append(source)
     return result
@@ -167,9 +167,9 @@ def _parse(path: Path) -> tuple[_yaml.Node | None, int, list[Finding]]:
         data = loader.content(path)
     except OSError as error:
         reason = (error.strerror or "no reason given").lower()
-        raise NoMatchError(f"{file_name} cannot be read: {reason}", hint=f"look at it: ls -ld {file_name}") from None
+        raise NoMatchError(f"{file_name} cannot be read: {reason}", hint=f"check it: ls -ld {file_name}") from None
     if len(data) > loader.LARGEST:
-        hint = "a robot publishes its configuration once a second: leave out what the control centre does not read"
+        hint = "a robot publishes its configuration every second: remove what the control centre does not read"
         return None, len(data), [Finding.at(Mark(file_name, 1, 1), "the file is larger than 1 MB", hint)]
     node, findings = _yaml.parse(data, file_name, None)
     return node, len(data), findings
@@ -181,10 +181,10 @@ def _read(path: Path, inventory: Inventory, names: KeyNames, vehicle: str | None
     start = Mark(loader.shown_path(path), 1, 1)
     if vehicle is not None and vehicle not in inventory.vehicles:
         findings.append(
-            Finding.at(start, f"no vehicle is called `{vehicle}`", suggest(vehicle, inventory.vehicles, none=""))
+            Finding.at(start, f"no such vehicle: `{vehicle}`", suggest(vehicle, inventory.vehicles, none=""))
         )
     if root is not None and not isinstance(root.value, dict):
-        findings.append(Finding.at(root.mark, "a robot's file holds keys, each with a value", "write `key: value`"))
+        findings.append(Finding.at(root.mark, "a robot's file contains keys, each with a value", "write `key: value`"))
     elif root is None and not findings:
         hint = f"write `{names.key_of(('namespace',))}:` and the other keys"
         findings.append(Finding.at(start, "the file is empty", hint))
@@ -228,7 +228,7 @@ def names_once(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[
     for sort, name, path in rows:
         there = first_paths.setdefault((sort, name), path)
         if there is not path:
-            message = f"the {sort} `{name}` stands in this file already, in line {source.mark(there).line}"
+            message = f"the {sort} `{name}` is already in this file, in line {source.mark(there).line}"
             yield source.wrong(path, message, "remove one, or give each its own")
 
 
@@ -241,12 +241,12 @@ def conditions(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[
             continue
         path = ("commands", kind.value, index, "condition", "topic")
         key = source.label(("telemetry", "booleans"))
-        message = f"a condition wants a topic of {key}, and `{name}` is not declared"
+        message = f"a condition needs a topic of {key}, but `{name}` is not there"
         if name in full:
             there = source.label(("telemetry", full[name].value))
-            message = f"a condition wants a topic of {key}, and `{name}` stands under {there}"
-        none = f"declare it under {key}"
-        hint = f"there are: {choices(booleans)}" if name in full and booleans else suggest(name, booleans, none=none)
+            message = f"a condition needs a topic of {key}, but `{name}` is under {there}"
+        none = f"put it under {key}"
+        hint = f"available: {choices(booleans)}" if name in full and booleans else suggest(name, booleans, none=none)
         yield source.wrong(path, message, hint)
 
 
@@ -255,12 +255,12 @@ def token_is_vaulted(source: RobotSource, robot: RobotFile, inventory: Inventory
     key = source.key_of(("token",))
     if not isinstance(robot.token, _yaml.SealedSecret) and not robot.token.is_example:
         hint = f"ansible-vault encrypt_string --stdin-name {key}"
-        yield source.wrong(("token",), f"`{key}` stands in clear text", hint)
+        yield source.wrong(("token",), f"`{key}` is in clear text", hint)
     if not inventory.pilot.example_values:
         for example in examples_in([source.node]):
             mark = Mark(example.file, example.line, example.column)
             message = f"`{example.key}` is still an example, but `example_values` of the pilot is false"
-            yield Finding.at(mark, message, "write what is true, and delete the mark `# EXAMPLE`")
+            yield Finding.at(mark, message, "write the real value, and delete the mark `# EXAMPLE`")
 
 
 def token_is_real(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[Finding]:
@@ -275,7 +275,7 @@ def file_is_private(source: RobotSource, robot: RobotFile) -> Iterator[Finding]:
     if isinstance(robot.token, _yaml.SealedSecret) or robot.token.is_example:
         return
     if source.file.stat().st_mode & _MINE_ALONE:
-        message = f"others on this computer can read {source.label(('token',))}"
+        message = f"other users of this computer can read {source.label(('token',))}"
         yield source.wrong(("token",), message, f"chmod 600 {loader.shown_path(source.file)}")
 
 
@@ -294,7 +294,7 @@ def costs_are_of_topics(source: RobotSource, robot: RobotFile, inventory: Invent
     topic_names = [topic.name for topic in robot.topics()]
     for item in vehicle.telemetry if vehicle is not None else ():
         if robot.full_name(item.topic) not in topic_names:
-            message = f"`telemetry:` of the vehicle {source.vehicle} has `{item.topic}`, which this file has not"
+            message = f"`telemetry:` of the vehicle {source.vehicle} has `{item.topic}`, this file does not"
             hint = suggest(robot.full_name(item.topic), topic_names, none="correct one of the two")
             yield source.wrong(("telemetry",), message, hint)
 

@@ -13,23 +13,23 @@ def why_no_name(text: str) -> tuple[str, str] | None:
 
     Rules: design.ros2.org, topic and service names.
     """
-    like = "a name is like /sparus/pose, or pose for one below the robot's namespace"
+    like = "examples of a name: /sparus/pose, or pose for one in the robot's namespace"
     if len(text) > _LONGEST:
-        return f"this name has {len(text)} characters: {_LONGEST} are the most", "choose a shorter one"
+        return f"this name has {len(text)} characters: the maximum is {_LONGEST}", "choose a shorter one"
     if text.startswith("~"):
-        return f"`{text}` depends on the name of a node, which nobody outside of the robot knows", like
+        return f"`{text}` depends on a node name, which is unknown outside the robot", like
     if odd := re.search(r"[^A-Za-z0-9_/]", text):
         near = re.sub(r"/{2,}", "/", re.sub(r"[^A-Za-z0-9_/]+", "_", text))
-        return f"`{text}` is no name in ROS: `{odd[0]}` is no letter, digit, `_` or `/`", near
+        return f"`{text}` is not a ROS name: `{odd[0]}` is not a letter, digit, `_` or `/`", near
     parts = text.removeprefix("/").split("/")
     why, near = "", like
     if "" in parts:
         why, near = "a part between two `/` is empty", re.sub(r"/{2,}", "/", text).rstrip("/") or like
     elif "__" in text:
-        why, near = "two `_` stand side by side", re.sub("_{2,}", "_", text)
+        why, near = "there are two `_` in a row", re.sub("_{2,}", "_", text)
     elif digit := next((part for part in parts if part[0].isdigit()), ""):
-        why = f"`{digit}` begins with a digit"
-    return (f"`{text}` is no name in ROS: {why}", near) if why else None
+        why = f"`{digit}` starts with a digit"
+    return (f"`{text}` is not a ROS name: {why}", near) if why else None
 
 
 def resolve(name: str, namespace: str) -> str:
@@ -42,5 +42,5 @@ def why_no_type(text: str) -> tuple[str, str] | None:
     if re.fullmatch(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*", text):
         return None
     short = re.fullmatch(r"([a-z][a-z0-9_]*)/([A-Z][A-Za-z0-9]*)", text)
-    near = f"{short[1]}/msg/{short[2]}" if short else "a type is like geometry_msgs/msg/PoseStamped"
-    return f"`{text}` is no type of a message in ROS 2", near
+    near = f"{short[1]}/msg/{short[2]}" if short else "example of a type: geometry_msgs/msg/PoseStamped"
+    return f"`{text}` is not a ROS 2 message type", near

@@ -53,7 +53,7 @@ def _twice(draft: _draft.Draft, items: Iterable[_ItemPlace]) -> Iterator[finding
         if first_place != (part, path):
             where = draft.where(first_place[0], *first_place[1], "id")
             yield draft.finding_at(
-                part, (*path, "id"), f"`{item.id}` is already the id of an item ({where})", "choose another"
+                part, (*path, "id"), f"`{item.id}` is already the id of an item ({where})", "choose another one"
             )
 
 
@@ -67,9 +67,9 @@ def vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
                 continue
             if item.vehicle not in vehicle_names:
                 hint = findings.suggest(item.vehicle, vehicle_names, none="add it to `vehicles`")
-                yield draft.finding_at(part, (*path, "vehicle"), f"there is no vehicle `{item.vehicle}`", hint)
+                yield draft.finding_at(part, (*path, "vehicle"), f"vehicle `{item.vehicle}` does not exist", hint)
             elif here is not None and item.vehicle not in here:
-                message = f"`{item.vehicle}` is not tested at `{name}`, so that nobody would be asked"
+                message = f"`{item.vehicle}` is not tested at `{name}`, so nobody would be asked"
                 hint = "add it to `checklist: vehicles:` of the site, or remove the item"
                 yield draft.finding_at(part, (*path, "vehicle"), message, hint)
 
@@ -82,9 +82,11 @@ def people(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for part, path, words in _person_lists(draft):
         for index, word in enumerate(words):
             if findings.why_no_name(word) is None and word not in roles:
-                none = f"declare it: `roles: [{{name: {word}, people: [A. Person]}}]` of `pilot`"
-                hint = findings.suggest(word, roles, none=f"{none}; a person's name has a capital letter or a blank")
-                yield draft.finding_at(part, (*path, index), f"there is no role `{word}`", hint)
+                none = f"add it: `roles: [{{name: {word}, people: [A. Person]}}]` of `pilot`"
+                hint = findings.suggest(
+                    word, roles, none=f"{none}; the name of a person has a capital letter or a space"
+                )
+                yield draft.finding_at(part, (*path, index), f"role `{word}` does not exist", hint)
 
 
 def _person_lists(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, _Path, tuple[str, ...]]]:
@@ -120,7 +122,7 @@ def gateways(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for name, site in draft.sites.items():
         for part, path, item in _of_a_site(name, site):
             if item.kind is model.ItemSort.COMMAND and item.seen_from is model.SeenFrom.GATEWAY and name not in sites:
-                message = f"`{item.id}` is run on the gateway, and `{name}` has none"
+                message = f"`{item.id}` is run on the gateway, but `{name}` has none"
                 yield draft.finding_at(
                     part, (*path, "command"), message, "write `seen_from: laptop`, or remove the item"
                 )

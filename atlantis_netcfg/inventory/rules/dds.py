@@ -28,8 +28,8 @@ def participants_have_addresses(draft: _draft.Draft) -> Iterator[Finding]:
     for host, device in draft.devices.items():
         if isinstance(device, model.ServerComputer) and device.vpn_address is None:
             where = draft.where(_PILOT, "dds")
-            message = f"`{host}` talks DDS over the VPN ({where}) and has no address in it"
-            yield draft.finding_at(_draft.Part("device", host), (), message, "write its `vpn_address:`")
+            message = f"`{host}` uses DDS over the VPN ({where}), but has no VPN address"
+            yield draft.finding_at(_draft.Part("device", host), (), message, "set its `vpn_address:`")
 
 
 def peers_in_the_vpn(draft: _draft.Draft) -> Iterator[Finding]:
@@ -40,7 +40,9 @@ def peers_in_the_vpn(draft: _draft.Draft) -> Iterator[Finding]:
     network = draft.pilot.vpn.network
     for index, peer in enumerate(dds.peers):
         if why := why_unusable(peer.address, network):
-            message = f"the peer `{peer.name}` is to be reached over the VPN, and {peer.address} {why}, the VPN's"
+            message = (
+                f"the peer `{peer.name}` is reached over the VPN, but {peer.address} {why}, the network of the VPN"
+            )
             yield draft.finding_at(_PILOT, ("dds", "peers", index, "address"), message, example_in(network))
 
 
@@ -54,11 +56,11 @@ def peers_once(draft: _draft.Draft) -> Iterator[Finding]:
         if isinstance(device, model.ServerComputer):
             address = device.vpn_address if dds.over is model.DdsPath.VPN else device.address
             if address is not None:
-                owner_by_address[address] = f"`{host}`, a peer by itself"
+                owner_by_address[address] = f"`{host}`, which is always a peer"
     for index, peer in enumerate(dds.peers):
         if peer.address in owner_by_address:
             message = f"{peer.address} is already {owner_by_address[peer.address]}"
-            yield draft.finding_at(_PILOT, ("dds", "peers", index, "address"), message, "leave this peer out")
+            yield draft.finding_at(_PILOT, ("dds", "peers", index, "address"), message, "remove this peer")
         owner_by_address.setdefault(peer.address, f"the peer `{peer.name}`")
 
 
@@ -69,15 +71,15 @@ def peers_at_known_sites(draft: _draft.Draft) -> Iterator[Finding]:
         site_names = draft.names("site")
         if peer.site is not None and peer.site not in site_names:
             hint = suggest(peer.site, site_names, none="add it to hosts.yml")
-            yield draft.finding_at(_PILOT, ("dds", "peers", index, "site"), f"there is no site `{peer.site}`", hint)
+            yield draft.finding_at(_PILOT, ("dds", "peers", index, "site"), f"site `{peer.site}` does not exist", hint)
 
 
 def processes_are_found(draft: _draft.Draft) -> Iterator[Finding]:
     """Require `participants` ≥ `processes`: others do not start (Cyclone DDS) or are not discovered (Fast DDS)."""
     dds = _dds_settings(draft)
     if dds is not None and dds.processes > dds.participants:
-        message = f"{dds.processes} ROS processes run on a computer, and {dds.participants} of them are found"
-        hint = f"write `participants: {dds.processes}`, or fewer here"
+        message = f"{dds.processes} ROS processes run on a computer, but only {dds.participants} of them can be found"
+        hint = f"write `participants: {dds.processes}`, or a lower number here"
         yield draft.finding_at(_PILOT, ("dds", "processes"), message, hint)
 
 

@@ -58,11 +58,9 @@ def check_tested_vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
             path = ("checklist", "vehicles", index)
             if key not in vehicle_names:
                 hint = findings.suggest(key, vehicle_names, none="add it to `vehicles`")
-                yield draft.finding_at(_draft.Part("site", name), path, f"there is no vehicle `{key}`", hint)
+                yield draft.finding_at(_draft.Part("site", name), path, f"vehicle `{key}` does not exist", hint)
             elif key in here[:index]:
-                yield draft.finding_at(
-                    _draft.Part("site", name), path, f"`{key}` stands twice in this list", "remove one"
-                )
+                yield draft.finding_at(_draft.Part("site", name), path, f"`{key}` is twice in this list", "remove one")
 
 
 def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -71,11 +69,11 @@ def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for name in row.endpoint_names:
             if name in row.columns:
                 continue
-            message = f"`{name}` is described here, but it is not checked: `table3` does not mark it"
+            message = f"`{name}` is described here but not checked: `table3` does not mark it"
             hint = f"remove `{name}:` here, or mark it in `table3`"
             if name == model.ETHERNET:
-                message = "`ethernet` is described here, but it is not checked: there is no `ethernet: true`"
-                hint = "remove it here, or write `ethernet: true` beside `table3`"
+                message = "`ethernet` is described here but not checked: `ethernet: true` is missing"
+                hint = "remove it here, or write `ethernet: true` next to `table3`"
             yield draft.finding_at(row.part, (*row.path, "endpoints", name), message, hint)
 
 
@@ -94,13 +92,13 @@ def seen_by(draft: _draft.Draft) -> Iterator[findings.Finding]:
             ]
             if host not in draft.layout.hosts:
                 hint = findings.suggest(host, able, none="add it to hosts.yml")
-                yield draft.finding_at(row.part, path, f"there is no host `{host}`", hint)
+                yield draft.finding_at(row.part, path, f"host `{host}` does not exist", hint)
             elif host in draft.devices and host not in _routeros(draft):
-                message = f"`{host}` is no RouterOS device: it cannot be asked what it sees"
-                yield draft.finding_at(row.part, path, message, f"there are: {findings.choices(able)}")
+                message = f"`{host}` is not a RouterOS device: it cannot report what it sees"
+                yield draft.finding_at(row.part, path, message, f"available: {findings.choices(able)}")
             elif host in draft.devices and host not in able:
                 message = f"`{host}` is at `{_site_of(draft, host)}`, not here"
-                yield draft.finding_at(row.part, path, message, f"there are: {findings.choices(able)}")
+                yield draft.finding_at(row.part, path, message, f"available: {findings.choices(able)}")
 
 
 def _site_of(draft: _draft.Draft, host: str) -> str:
@@ -126,7 +124,7 @@ def another_modem(draft: _draft.Draft) -> Iterator[findings.Finding]:
             continue
         local = acoustic.acoustic_address
         for path in _self_references(local, acoustic, usbl):
-            message = f"`{key}` has the acoustic address {local} itself"
+            message = f"`{key}` itself has the acoustic address {local}"
             yield draft.finding_at(
                 part, ("endpoints", *path), message, "write the address of the modem at the other end"
             )
@@ -136,7 +134,7 @@ def another_modem(draft: _draft.Draft) -> Iterator[findings.Finding]:
             message = f"{local} is already the acoustic address of `{other}` ({where})"
             path = ("endpoints", "acoustic", "acoustic_address")
             yield draft.finding_at(
-                part, path, message, f"give each {acoustic.driver} modem its own, on the modem as well"
+                part, path, message, f"give each {acoustic.driver} modem its own address, here and on the modem"
             )
 
 
@@ -167,7 +165,7 @@ def addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
             path: _Path = (
                 ("checklist",) if site_vehicles is None else ("checklist", "vehicles", site_vehicles.index(key))
             )
-            message = f"`{key}` is tested here and has no address, but is to be asked: {', '.join(wanting)}"
+            message = f"`{key}` is tested here but has no address, although it is to be queried: {', '.join(wanting)}"
             hint = f"add `- {{name: {key}, mac: …, address: …}}` to `lan: reservations:`, or `address:` to each"
             yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
@@ -197,9 +195,10 @@ def streams(draft: _draft.Draft) -> Iterator[findings.Finding]:
             other = first.setdefault((place, stream.port), key)
             if other != key:
                 message = (
-                    f"UDP port {stream.port} of the {place} is already that of `{other}`, tested at `{name}` as well"
+                    f"UDP port {stream.port} of the {place} is already used by `{other}`, which is also tested "
+                    f"at `{name}`"
                 )
-                hint = f"let the companion computer of `{key}` forward to another port, and write it here"
+                hint = f"configure the companion computer of `{key}` to forward to another port, and set it here"
                 yield draft.finding_at(_draft.Part("vehicle", key), ("endpoints", "rc_rf", "port"), message, hint)
 
 
@@ -217,13 +216,13 @@ def require_two_probe_targets(draft: _draft.Draft) -> Iterator[findings.Finding]
         for index, link in enumerate(site.bearers):
             path = ("bearers", index, "canaries")
             if 0 < len(set(link.canaries)) < _PAIR:
-                message = f"link `{link.name}` has one canary: if that host fails, the link counts as down"
+                message = f"link `{link.name}` has one probe target: if that host fails, the link counts as down"
                 yield draft.finding_at(
                     _draft.Part("site", name), path, message, "name two different hosts beyond the link"
                 )
             elif not link.canaries and index < len(site.bearers) - 1 and not link.kind.traits.allow_list:
-                message = f"link `{link.name}` has no canaries, so its failure would not be noticed"
-                hint = "name two; only a satellite and the last link in order of preference can go without"
+                message = f"link `{link.name}` has no probe targets, so its failure would not be noticed"
+                hint = "name two; only a satellite link and the last link in order of preference can do without"
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index), message, hint)
 
 
@@ -239,8 +238,8 @@ def require_own_probe_targets(draft: _draft.Draft) -> Iterator[findings.Finding]
                 if first != (index, place) and not lonely:
                     other = site.bearers[first[0]].name
                     line = draft.mark(part, "bearers", first[0], "canaries", first[1]).line
-                    message = f"{probe_target} is already a canary of link `{other}` (line {line})"
-                    hint = "a canary answers for one link: choose another host"
+                    message = f"{probe_target} is already a probe target of link `{other}` (line {line})"
+                    hint = "a probe target belongs to one link: choose another host"
                     yield draft.finding_at(part, ("bearers", index, "canaries", place), message, hint)
 
 
@@ -251,7 +250,7 @@ def require_unused_probe_addresses(draft: _draft.Draft) -> Iterator[findings.Fin
         for index, link in enumerate(site.bearers):
             for place, probe_target in enumerate(link.canaries):
                 if use := _other_use(draft, networks, probe_target):
-                    message = f"the canary {probe_target} of link `{link.name}` is {use}"
+                    message = f"the probe target {probe_target} of link `{link.name}` is {use}"
                     hint = "choose a host beyond the link that is used for nothing else"
                     yield draft.finding_at(
                         _draft.Part("site", name), ("bearers", index, "canaries", place), message, hint

@@ -24,8 +24,8 @@ def release_known(draft: _draft.Draft) -> Iterator[Finding]:
     if draft.pilot is None or draft.pilot.dds is not None:
         return
     if draft.pilot.gateways.ros2 is not None:
-        hint = "write `dds:` with its `distribution:`"
-        yield draft.finding_at(_PILOT, ("gateways", "ros2"), "which release of ROS 2 is not declared", hint)
+        hint = "add `dds:` with its `distribution:`"
+        yield draft.finding_at(_PILOT, ("gateways", "ros2"), "the release of ROS 2 is not set", hint)
 
 
 def pins_once(draft: _draft.Draft) -> Iterator[Finding]:
@@ -45,17 +45,17 @@ def builds_on_ros(draft: _draft.Draft) -> Iterator[Finding]:
         return
     gateways = draft.pilot.gateways
     if gateways.interop is not None and gateways.ros2 is None:
-        message = "the library is built against ROS 2, and none is declared"
-        yield draft.finding_at(_PILOT, ("gateways", "interop"), message, "write `ros2:` beside it")
+        message = "the library is built against ROS 2, which is not set"
+        yield draft.finding_at(_PILOT, ("gateways", "interop"), message, "add `ros2:` next to it")
 
 
 def tested_with_examples(draft: _draft.Draft) -> Iterator[Finding]:
     """Require `examples:` for the connection test: its robot is one of the examples."""
     interop = draft.pilot.gateways.interop if draft.pilot is not None else None
     if interop is not None and interop.connection_test is not None and interop.examples is None:
-        message = "the program of the connection test is one of the examples, and none are declared"
+        message = "the program of the connection test is one of the examples, which are not set"
         where = ("gateways", "interop", "connection_test")
-        yield draft.finding_at(_PILOT, where, message, "write `examples:` beside it, or leave the test out")
+        yield draft.finding_at(_PILOT, where, message, "add `examples:` next to it, or remove the test")
 
 
 def check_token_transport(draft: _draft.Draft) -> Iterator[Finding]:
@@ -72,8 +72,8 @@ def check_token_transport(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         parts = urlsplit(repository.url)
         if parts.scheme == "http" and not _is_private_address(parts.hostname or ""):
-            message = "the token would go over plain HTTP, readable for everyone on the way"
-            yield draft.finding_at(_PILOT, ("gateways", "interop", name, "url"), message, "write https://")
+            message = "the token would be sent over plain HTTP, readable for everyone on the path"
+            yield draft.finding_at(_PILOT, ("gateways", "interop", name, "url"), message, "use https://")
 
 
 def _is_private_address(host: str) -> bool:
@@ -91,7 +91,7 @@ def one_interface(draft: _draft.Draft) -> Iterator[Finding]:
         if device.network.interface != device.image.interface:
             line = draft.mark(_draft.Part("device", host), "image", "interface").line
             message = f"the image configures `{device.image.interface}` (line {line}), not `{device.network.interface}`"
-            hint = "write the same name twice: `ip link` on the board shows it"
+            hint = "use the same name in both: `ip link` on the board shows it"
             yield draft.finding_at(_draft.Part("device", host), ("network", "interface"), message, hint)
 
 
@@ -109,8 +109,8 @@ def require_ssh_key(draft: _draft.Draft) -> Iterator[Finding]:
     """Require an SSH key for every image: it has no passwords, so without a key nobody could log in."""
     for host, _, device in draft.valid_devices(model.SiteComputer):
         if device.image is not None and not device.image.ssh_keys:
-            message = f"nobody could log in to `{host}`: its image has no SSH key, and no password stays in it"
-            hint = "write the technicians' public keys, one a line"
+            message = f"nobody could log in to `{host}`: its image has no SSH key, and its passwords are removed"
+            hint = "add the public keys of the technicians, one per line"
             yield draft.finding_at(_draft.Part("device", host), ("image", "ssh_keys"), message, hint)
 
 
@@ -123,7 +123,7 @@ def keys_once(draft: _draft.Draft) -> Iterator[Finding]:
             first = index_by_key.setdefault(body, index)
             if first != index:
                 line = draft.mark(_draft.Part("device", host), "image", "ssh_keys", first).line
-                message = f"this key stands twice, first in line {line}"
+                message = f"this key is here twice, first in line {line}"
                 yield draft.finding_at(
                     _draft.Part("device", host), ("image", "ssh_keys", index), message, "remove one of the two"
                 )
@@ -136,7 +136,7 @@ def require_reservation(draft: _draft.Draft) -> Iterator[Finding]:
         if device.image is None or device.image.address_by is not model.AddressBy.DHCP or site is None:
             continue
         if all(reservation.address != device.address for reservation in site.lan.reservations):
-            message = f"`{host}` gets its address by DHCP, and the LAN of `{name}` reserves {device.address} for nobody"
+            message = f"`{host}` gets its address by DHCP, but the LAN of `{name}` reserves {device.address} for nobody"
             hint = f"add {{name: {host}, mac: …, address: {device.address}}} to `lan.reservations`, or write `static`"
             yield draft.finding_at(_draft.Part("device", host), ("image", "address_by"), message, hint)
 

@@ -44,7 +44,7 @@ def dhcp_range(draft: _draft.Draft) -> Iterator[Finding]:
         for key, address in (("first", lan.dhcp.first), ("last", lan.dhcp.last)):
             if why := why_unusable(address, lan.network):
                 outside = True
-                message = f"the DHCP range's {key} address {address} {why}"
+                message = f"the {key} address {address} of the DHCP range {why}"
                 yield draft.finding_at(part, ("lan", "dhcp", key), message, example_in(lan.network))
         if outside:
             continue
@@ -53,9 +53,9 @@ def dhcp_range(draft: _draft.Draft) -> Iterator[Finding]:
             hint = f"first: {lan.dhcp.last}, last: {lan.dhcp.first}"
             yield draft.finding_at(part, ("lan", "dhcp", "first"), message, hint)
         elif lan.dhcp.first <= lan.gateway <= lan.dhcp.last:
-            message = f"the DHCP range holds the router's own address {lan.gateway}"
+            message = f"the DHCP range contains the address of the router itself, {lan.gateway}"
             yield draft.finding_at(
-                part, ("lan", "dhcp", "first"), message, f"begin after {lan.gateway}, or end before it"
+                part, ("lan", "dhcp", "first"), message, f"start after {lan.gateway}, or end before it"
             )
 
 
@@ -100,14 +100,14 @@ def reservations_of_hosts(draft: _draft.Draft) -> Iterator[Finding]:
                 _draft.Part("device", reservation.name),
             )
             if device.address != reservation.address:
-                text = f"`{reservation.name}` is reserved {reservation.address}"
+                text = f"`{reservation.name}` has the reservation {reservation.address}"
                 message = f"{text}, but {draft.where(of_host, 'address')} says {device.address}"
-                yield draft.finding_at(part, (*path, "address"), message, "make both the same")
+                yield draft.finding_at(part, (*path, "address"), message, "make both equal")
             if device.mac is not None and device.mac != reservation.mac:
                 message = (
                     f"`{reservation.name}` is reserved for {reservation.mac}, but {draft.where(of_host, 'mac')} says"
                 )
-                yield draft.finding_at(part, (*path, "mac"), f"{message} {device.mac}", "make both the same")
+                yield draft.finding_at(part, (*path, "mac"), f"{message} {device.mac}", "make both equal")
 
 
 def hosts_in_network(draft: _draft.Draft) -> Iterator[Finding]:
@@ -168,7 +168,7 @@ def _find_duplicates(draft: _draft.Draft, uses: Iterator[_AddressUse], what: str
             result.add((use.value, use.owner))
             where = draft.where(first_use.part, *first_use.path)
             message = f"{use.value} of {use.owner} is already the {what} of {first_use.owner} ({where})"
-            yield draft.finding_at(use.part, use.path, message, f"give each its own {what}")
+            yield draft.finding_at(use.part, use.path, message, f"give each its own: {what}")
 
 
 def _addresses(draft: _draft.Draft) -> Iterator[_AddressUse]:
@@ -267,7 +267,7 @@ def classes_have_a_queue(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         for index, row in enumerate(site.lan.reservations):
             if row.traffic is not model.TrafficClass.CONTROL:
-                message = f"`{row.name}` counts as {row.traffic}, and `{name}` has no thin link where that matters"
+                message = f"`{row.name}` counts as {row.traffic}, but `{name}` has no thin link where that matters"
                 path = ("lan", "reservations", index, "traffic")
                 hint = "remove `traffic:`; a thin link is a satellite, or sends less than 2 Mbit/s (`rate.up_kbps`)"
                 yield draft.finding_at(_draft.Part("site", name), path, message, hint)

@@ -62,7 +62,7 @@ def gaps_leave_time(draft: _draft.Draft) -> Iterator[Finding]:
             silent_s = sum(gap.length_s * gap.per_hour for gap in link.rate.gaps)
             if silent_s > _MOST_SILENT_S:
                 message = f"the gaps of link `{link.name}` take {silent_s:g} s of each hour"
-                hint = f"declare at most {_MOST_SILENT_S} s: shorter gaps (`length_s`), or fewer (`per_hour`)"
+                hint = f"set at most {_MOST_SILENT_S} s: shorter gaps (`length_s`), or fewer (`per_hour`)"
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
 
 
@@ -79,7 +79,7 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
         first = first_ends.setdefault((end.site, end.link.name), end)
         path = (*end.path, "name")
         if end.link.name == _RESERVED_NAME:
-            message = "a link cannot be called `lan`: `via: lan` means the management port"
+            message = "a link cannot be named `lan`: `via: lan` means the management port"
             yield draft.finding_at(end.part, path, message, "choose another name")
         elif first is not end:
             line = draft.mark(first.part, *first.path, "name").line
@@ -102,13 +102,13 @@ def devices(draft: _draft.Draft) -> Iterator[Finding]:
 
 def _candidates(draft: _draft.Draft, site: str, kind: str) -> str:
     here = [host for host, place in draft.layout.hosts.items() if place == site and draft.kind_of(host) == kind]
-    return f"`{here[0]}`" if here else f"a {kind} of the site"
+    return f"`{here[0]}`" if here else f"a {kind} at the site"
 
 
 def _wrong_device(draft: _draft.Draft, end: BridgeEnd, host: str, kind: str | None) -> tuple[str, str] | None:
     if host not in draft.layout.hosts:
         here = [name for name, site in draft.layout.hosts.items() if site == end.site]
-        return f"there is no host `{host}`", suggest(host, here, none="add it to hosts.yml")
+        return f"host `{host}` does not exist", suggest(host, here, none="add it to hosts.yml")
     if draft.layout.hosts[host] != end.site:
         message = f"`{host}` is at site `{draft.layout.hosts[host]}`, not at `{end.site}`"
         return message, f"name {_candidates(draft, end.site, kind)}" if kind is not None else "remove `device:`"
@@ -155,7 +155,7 @@ def no_box_idle(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         if (site, device.kind) not in waiting:
             message = f"`{host}` carries no link of `{site}`"
-            hint = f"name it as `device:` of a link in group_vars/{site}.yml, or remove the host"
+            hint = f"set it as `device:` of a link in group_vars/{site}.yml, or remove the host"
             yield draft.finding_at(_draft.Part("device", host), (), message, hint)
 
 
@@ -220,24 +220,24 @@ def _check_carried_site(draft: _draft.Draft, end: BridgeEnd, links: list[BridgeE
         yield draft.finding_at(end.part, path, message, f"name the site at the other end: {', '.join(others)}")
     elif carried_site not in draft.sites:
         yield draft.finding_at(
-            end.part, path, f"there is no site `{carried_site}`", suggest(carried_site, others, none="add the site")
+            end.part, path, f"site `{carried_site}` does not exist", suggest(carried_site, others, none="add the site")
         )
     elif not any(link.site == carried_site for link in links):
-        message = f"`{carried_site}` has no wifi_ptp bearer that link `{end.link.name}` could serve"
-        yield draft.finding_at(end.part, path, message, f"add the bearer to `{carried_site}`, or remove this link")
+        message = f"`{carried_site}` has no wifi_ptp link that link `{end.link.name}` could serve"
+        yield draft.finding_at(end.part, path, message, f"add the link to `{carried_site}`, or remove this link")
 
 
 def _check_ends_agree(draft: _draft.Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
-    where = f"`{far.site}` says {far.link.network} ({draft.where(far.part, *far.path, 'network')})"
+    where = f"`{far.site}` has {far.link.network} ({draft.where(far.part, *far.path, 'network')})"
     if near.link.network != far.link.network:
         message = f"the two ends of link `{near.link.name}` are in different networks: {near.link.network} here,"
-        yield draft.finding_at(near.part, (*near.path, "network"), f"{message} {where}", "make both the same")
+        yield draft.finding_at(near.part, (*near.path, "network"), f"{message} {where}", "make both equal")
         return
     gateway = getattr(near.link, "gateway", None)
     if gateway != far.link.address:
         where = draft.where(far.part, *far.path, "address")
         message = f"the gateway {gateway} of link `{near.link.name}` is not the router that serves it"
-        yield draft.finding_at(near.part, (*near.path, "gateway"), message, f"{far.link.address}, as {where} has it")
+        yield draft.finding_at(near.part, (*near.path, "gateway"), message, f"{far.link.address}, as in {where}")
 
 
 BRIDGES_RULES: tuple[_draft.Rule, ...] = (bridges,)

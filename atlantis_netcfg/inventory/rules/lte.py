@@ -50,7 +50,12 @@ FIELDS: tuple[LteField, ...] = (
     LteField(("access", "admin_user"), of=(_RUTOS,)),
     LteField(("access", "admin_password"), of=(_RUTOS,)),
     LteField(("host",), of=(_MODEMMANAGER, _AT)),
-    LteField(("serial",), of=(_AT,), needed_by=(_AT,), hint="add `serial:` with the modem's port, like /dev/ttyUSB2"),
+    LteField(
+        ("serial",),
+        of=(_AT,),
+        needed_by=(_AT,),
+        hint="add `serial:` with the port of the modem, for example /dev/ttyUSB2",
+    ),
     LteField(("sim", "user"), of=(_ROUTEROS, _RUTOS)),
     LteField(("sim", "password"), of=(_ROUTEROS, _RUTOS)),
     LteField(("sim", "pin"), of=(_ROUTEROS, _RUTOS)),
@@ -82,7 +87,7 @@ def fields(draft: _draft.Draft) -> Iterator[Finding]:
             if is_set and driver not in field.of:
                 drivers = " and ".join(field.of)
                 message = f"`{name}` has no effect with driver `{driver}`"
-                yield draft.finding_at(part, field.path, message, f"remove it: it is for driver {drivers}")
+                yield draft.finding_at(part, field.path, message, f"remove it: it is only for driver {drivers}")
             elif not is_set and driver in field.needed_by:
                 message = f"driver `{driver}` needs `{name}`"
                 path = ("driver",)
@@ -94,7 +99,7 @@ def apn(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(LteRouter):
         name = device.sim.apn
         if name is not None and not _APN.fullmatch(name):
-            message = f"`{name}` is no access point name: letters, digits, dots and dashes, no blanks"
+            message = f"`{name}` is not an access point name: letters, digits, dots and dashes, no spaces"
             yield draft.finding_at(
                 _draft.Part("device", host), ("sim", "apn"), message, "copy it from the SIM's contract"
             )
@@ -106,8 +111,8 @@ def pin(draft: _draft.Draft) -> Iterator[Finding]:
         number = device.sim.pin
         if number is None or isinstance(number, SealedSecret) or _PIN.fullmatch(number.reveal()):
             continue
-        message = "the PIN must have 4 to 8 digits; a wrong one costs one of the SIM's three tries"
-        hint = "vault the PIN of the SIM's letter, or remove `pin` while there is none"
+        message = "the PIN must have 4 to 8 digits; a wrong one uses one of the SIM's three attempts"
+        hint = "put the PIN from the SIM's letter in the vault, or remove `pin` until there is one"
         yield draft.finding_at(_draft.Part("device", host), ("sim", "pin"), message, hint)
 
 
@@ -118,7 +123,7 @@ def administrator(draft: _draft.Draft) -> Iterator[Finding]:
         if access is None or (access.admin_user is None) == (access.admin_password is None):
             continue
         missing, there = ("admin_password", "admin_user") if access.admin_user else ("admin_user", "admin_password")
-        message = f"`{there}` stands without `{missing}`: nobody could log in to set the unit"
+        message = f"`{there}` is set without `{missing}`: nobody could log in to configure the unit"
         hint = f"add `{missing}`, or remove `{there}`: then the unit is only checked"
         yield draft.finding_at(_draft.Part("device", host), ("access", there), message, hint)
 
@@ -128,7 +133,7 @@ def check_rutos_quoting(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(LteRouter):
         user = device.sim.user
         if device.driver is _RUTOS and user is not None and ("'" in user or "\\" in user):
-            message = f"`{user}` cannot be set on a RutOS unit: it has a quote or a backslash"
+            message = f"`{user}` cannot be set on a RutOS unit: it contains a quote or a backslash"
             yield draft.finding_at(
                 _draft.Part("device", host), ("sim", "user"), message, "copy it from the SIM's contract"
             )
@@ -140,11 +145,11 @@ def require_local_modem(draft: _draft.Draft) -> Iterator[Finding]:
         part = _draft.Part("device", host)
         if device.host is not None and device.driver in {_MODEMMANAGER, _AT}:
             message = f"a modem in another computer (`{device.host}`) cannot be read yet"
-            hint = "leave `host` out and run `provision` on that computer, or write `driver: manual`"
+            hint = "remove `host` and run `provision` on that computer, or write `driver: manual`"
             yield draft.finding_at(part, ("host",), message, hint)
         if device.driver is _AT and device.serial is not None and not _PORT.fullmatch(device.serial):
-            message = f"`{device.serial}` is no serial port"
-            yield draft.finding_at(part, ("serial",), message, "write its whole path, like /dev/ttyUSB2")
+            message = f"`{device.serial}` is not a serial port"
+            yield draft.finding_at(part, ("serial",), message, "write its full path, for example /dev/ttyUSB2")
 
 
 def require_gateway_address(draft: _draft.Draft) -> Iterator[Finding]:
@@ -181,9 +186,9 @@ def there_is_another_link(draft: _draft.Draft) -> Iterator[Finding]:
     """Report `failover` at a site with one link: there is nothing to fail over to."""
     for name, site in draft.sites.items():
         if "failover" in site.model_fields_set and len(site.bearers) == 1:
-            message = f"`failover` is declared, and `{site.bearers[0].name}` is the only link of `{name}`"
+            message = f"`failover` is set, but `{site.bearers[0].name}` is the only link of `{name}`"
             yield draft.finding_at(
-                _draft.Part("site", name), ("failover",), message, "remove `failover:`, or declare a second link"
+                _draft.Part("site", name), ("failover",), message, "remove `failover:`, or add a second link"
             )
 
 
@@ -193,11 +198,11 @@ def returns_no_sooner_than_it_leaves(draft: _draft.Draft) -> Iterator[Finding]:
         times = site.failover
         if times.fail_back_s < times.hold_down_s:
             message = (
-                f"a link would be left after {times.hold_down_s} s of silence and taken back after"
-                f" {times.fail_back_s} s of answers, so that one which comes and goes is never at rest"
+                f"a link is left after {times.hold_down_s} s without responses and used again after "
+                f"{times.fail_back_s} s with responses: an unstable link would switch all the time"
             )
             key = "fail_back_s" if "fail_back_s" in times.model_fields_set else "hold_down_s"
-            hint = "let `fail_back_s` be at least `hold_down_s`, better some minutes"
+            hint = "set `fail_back_s` to at least `hold_down_s`, better to some minutes"
             yield draft.finding_at(_draft.Part("site", name), ("failover", key), message, hint)
 
 
@@ -207,8 +212,8 @@ def metered_links_to_ask_over(draft: _draft.Draft) -> Iterator[Finding]:
         if "metered_probe_s" not in site.failover.model_fields_set or len(site.bearers) == 1:
             continue
         if not any(link.metered and link.canaries for link in site.bearers[:-1]):
-            message = f"`metered_probe_s` is declared, and no link of `{name}` with canaries is metered"
-            hint = "remove it: links that cost nothing are asked every 5 s, and the last link is not asked"
+            message = f"`metered_probe_s` is set, but no metered link of `{name}` has probe targets"
+            hint = "remove it: free links are probed every 5 s, and the last link is not probed"
             yield draft.finding_at(_draft.Part("site", name), ("failover", "metered_probe_s"), message, hint)
 
 
@@ -223,29 +228,27 @@ def satellites_are_asked_within_a_budget(draft: _draft.Draft) -> Iterator[Findin
                 continue
             part, path, last = _draft.Part("site", name), ("bearers", index, "canaries"), index == len(site.bearers) - 1
             hold_s = site.failover.hold_down_s
-            hint = (
-                f"remove `canaries:`; `provision measure satellite site={name}` tries the satellite when a person "
-                "asks for it"
-            )
+            hint = f"remove `canaries:`; `provision measure satellite site={name}` tests the satellite on request"
             if link.probe_target_budget_bytes is None:
                 message = (
-                    f"link `{link.name}` is a satellite and has canaries: pinging them would be billed day and night"
+                    f"link `{link.name}` is a satellite link with probe targets: pinging them is billed day and night"
                 )
                 budget = (
-                    f"remove `canaries:`; `provision measure satellite site={name}` tries the satellite when a "
-                    "person asks for it. "
-                    "Or declare what they may take in a month: `canary_budget_mb: 2`"
+                    f"remove `canaries:`; `provision measure satellite site={name}` tests the satellite on "
+                    "request. Or set how much they may use in a month: `canary_budget_mb: 2`"
                 )
                 yield draft.finding_at(part, path, message, hint if last else budget)
             elif last:
-                message = f"link `{link.name}` is a satellite and the last one: nobody would ask its canaries"
+                message = (
+                    f"link `{link.name}` is a satellite link and the last one: its probe targets would not be probed"
+                )
                 yield draft.finding_at(part, path, message, hint)
             elif hold_s < _SATELLITE_HOLD_S:
                 message = (
-                    f"link `{link.name}` is a satellite, whose own gaps take up to 70 s, and would be left after "
-                    f"{hold_s} s without an answer of its canaries"
+                    f"link `{link.name}` is a satellite link with gaps of up to 70 s, but would be left after "
+                    f"{hold_s} s without a response"
                 )
-                longer = f"let `hold_down_s` below `failover:` be {_SATELLITE_HOLD_S} or more"
+                longer = f"set `hold_down_s` below `failover:` to {_SATELLITE_HOLD_S} or more"
                 yield draft.finding_at(part, path, message, longer)
 
 
@@ -253,9 +256,9 @@ def not_too_many_links(draft: _draft.Draft) -> Iterator[Finding]:
     """Report more links at a site than the router has route distances for."""
     for name, site in draft.sites.items():
         if len(site.bearers) > _MOST:
-            message = f"`{name}` has {len(site.bearers)} links, and the order of preference has room for {_MOST}"
+            message = f"`{name}` has {len(site.bearers)} links; the maximum is {_MOST}"
             yield draft.finding_at(
-                _draft.Part("site", name), ("bearers", _MOST), message, "remove the links that nobody will use"
+                _draft.Part("site", name), ("bearers", _MOST), message, "remove links that are not used"
             )
 
 

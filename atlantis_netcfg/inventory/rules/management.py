@@ -36,7 +36,10 @@ def technician_admitted(draft: _draft.Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         outside = why_unusable(site.management.technician, site.management.network)
         if outside is None and not any(site.management.technician in network for network in site.management.admit):
-            message = f"the routers' firewall would drop the technician: no prefix holds {site.management.technician}"
+            message = (
+                "the firewall of the routers would drop the technician: no prefix contains "
+                f"{site.management.technician}"
+            )
             hint = f"add {site.management.network}"
             yield draft.finding_at(_draft.Part("site", name), ("management", "admit"), message, hint)
 
@@ -48,7 +51,7 @@ def vpn_admitted(draft: _draft.Draft) -> Iterator[Finding]:
     pool = draft.pilot.vpn.infrastructure
     for name, site in draft.sites.items():
         if _is_reached_by_tunnel(draft, name) and not any(pool.subnet_of(prefix) for prefix in site.management.admit):
-            message = f"the routers' firewall would drop management through the VPN: no prefix holds {pool}"
+            message = f"the firewall of the routers would drop management through the VPN: no prefix contains {pool}"
             yield draft.finding_at(_draft.Part("site", name), ("management", "admit"), message, f"add {pool}")
 
 
@@ -79,7 +82,7 @@ def partners_kept_out(draft: _draft.Draft) -> Iterator[Finding]:
             ]
             if inside:
                 message = f"{prefix} would let partners manage the routers: {', '.join(inside)}"
-                hint = "admit the management network and the VPN's infrastructure pool only"
+                hint = "admit only the management network and the infrastructure pool of the VPN"
                 yield draft.finding_at(_draft.Part("site", name), ("management", "admit", index), message, hint)
 
 
@@ -113,7 +116,7 @@ def via_known(draft: _draft.Draft) -> Iterator[Finding]:
     for host, name, access in _accesses(draft):
         site = draft.sites.get(name)
         if site is not None and access.via not in _link_names(site):
-            message, hint = f"`{access.via}` is no bearer of `{name}`", suggest(access.via, _link_names(site), none="")
+            message, hint = f"`{access.via}` is not a link of `{name}`", suggest(access.via, _link_names(site), none="")
             yield draft.finding_at(_draft.Part("device", host), ("access", "via"), message, hint)
 
 
@@ -147,7 +150,7 @@ def check_groups(draft: _draft.Draft) -> Iterator[Finding]:
             yield Finding.at(mark, f"`{host}` is in no group of devices", hint)
         elif kind is not None and result is not None and kind != result:
             group = draft.layout.kind_marks[host]
-            message = f"`{host}` is a {result}, but stands in group `{_GROUP_OF[kind]}` ({group.file}:{group.line})"
+            message = f"`{host}` is a {result}, but is in group `{_GROUP_OF[kind]}` ({group.file}:{group.line})"
             hint = f"move it to `{_GROUP_OF[result]}`, or write `kind: {kind}`"
             yield draft.finding_at(_draft.Part("device", host), ("kind",), message, hint)
 
@@ -163,7 +166,7 @@ def one_router(draft: _draft.Draft) -> Iterator[Finding]:
             yield Finding.at(mark, message, "add its router, below the site and below `routers:`")
         for second in routers[1:]:
             message = f"site `{site}` has a second router, the first is `{routers[0]}`"
-            yield Finding.at(draft.layout.marks[second], message, "a site has one router: make it a site of its own")
+            yield Finding.at(draft.layout.marks[second], message, "a site has one router: make this a separate site")
 
 
 GROUPS_RULES: tuple[_draft.Rule, ...] = (check_groups, one_router)
@@ -176,9 +179,9 @@ def zone(draft: _draft.Draft) -> Iterator[Finding]:
     zones = available_timezones()
     if zones:
         near = nearest(draft.pilot.time_zone, zones)
-        hint = f"did you mean `{near}`?" if near else "a time zone is like Europe/Lisbon"
+        hint = f"did you mean `{near}`?" if near else "example of a time zone: Europe/Lisbon"
         yield draft.finding_at(
-            _draft.Part("pilot"), ("time_zone",), f"there is no time zone `{draft.pilot.time_zone}`", hint
+            _draft.Part("pilot"), ("time_zone",), f"time zone `{draft.pilot.time_zone}` does not exist", hint
         )
 
 

@@ -24,7 +24,7 @@ _RESERVED_NETWORKS: tuple[tuple[IPv4Network, str], ...] = (
     (IPv4Network("127.0.0.0/8"), "loopback"),
     (IPv4Network("169.254.0.0/16"), "link-local addresses"),
     (IPv4Network("224.0.0.0/4"), "multicast"),
-    (IPv4Network("240.0.0.0/4"), "nothing, it is reserved"),
+    (IPv4Network("240.0.0.0/4"), "nothing (reserved)"),
 )
 """Reserved networks (RFC 6890), and multicast (RFC 5771)."""
 
@@ -109,7 +109,7 @@ def disjoint(draft: _draft.Draft) -> Iterator[Finding]:
             more = f" and {len(others) - 1} more" if len(others) > 1 else ""
             where = f"{first.network} of {first.what} ({draft.where(first.part, *first.path)}){more}"
             message = f"{claim.network} of {claim.what} overlaps {where}"
-            yield draft.finding_at(claim.part, claim.path, message, "give it a network of its own")
+            yield draft.finding_at(claim.part, claim.path, message, "give it a separate network")
         network_index.add(claim)
 
 
@@ -122,9 +122,12 @@ def usable(draft: _draft.Draft) -> Iterator[Finding]:
     for claim in claims(draft):
         for block, purpose in _RESERVED_NETWORKS:
             if claim.network.overlaps(block):
-                message = f"{claim.network} of {claim.what} touches {block}, which is for {purpose}"
+                message = f"{claim.network} of {claim.what} overlaps {block}, which is for {purpose}"
                 yield draft.finding_at(
-                    claim.part, claim.path, message, "choose from 10.0.0.0/8, or as the provider gave it"
+                    claim.part,
+                    claim.path,
+                    message,
+                    "choose a network from 10.0.0.0/8, or the one given by the provider",
                 )
                 break
 
@@ -149,7 +152,7 @@ def pools(draft: _draft.Draft) -> Iterator[Finding]:
             if pool.overlaps(other_pool):
                 where = draft.where(other_part, *other_path)
                 message = f"the pool {pool} of {what} overlaps {other_pool} of {other} ({where})"
-                yield draft.finding_at(part, path, message, "give it a pool of its own")
+                yield draft.finding_at(part, path, message, "give it a separate pool")
         earlier_pools.append((what, pool, part, path))
 
 

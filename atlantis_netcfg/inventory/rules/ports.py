@@ -31,7 +31,7 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
             first = index_by_name.setdefault(port.name, index)
             if first != index:
                 line = draft.mark(part, "ports", first, "name").line
-                message = f"port {port.name} stands twice, first in line {line}"
+                message = f"port {port.name} is here twice, first in line {line}"
                 yield draft.finding_at(part, ("ports", index, "name"), message, "remove one, or name the other port")
 
 
@@ -45,7 +45,7 @@ def require_one_management_port(draft: _draft.Draft) -> Iterator[Finding]:
             yield draft.finding_at(part, ("ports",), message, "give one port `use: management`")
         for index in used[1:]:
             message = f"`{host}` has a second management port, the first is {router.ports[used[0]].name}"
-            hint = "keep one: the management network is on one port"
+            hint = "keep one: the management network is on a single port"
             yield draft.finding_at(part, ("ports", index, "use"), message, hint)
 
 
@@ -53,7 +53,7 @@ def require_lan_port(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a LAN port on every router."""
     for host, _, router in draft.valid_devices(model.Router):
         if not any(port.use is model.PortUse.LAN for port in router.ports):
-            message = f"`{host}` has no LAN port: robots and gateway could not be plugged in"
+            message = f"`{host}` has no LAN port: robots and gateway could not be connected"
             yield draft.finding_at(_draft.Part("device", host), ("ports",), message, "give one port `use: lan`")
 
 
@@ -62,7 +62,7 @@ def link_and_use(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, router in draft.valid_devices(model.Router):
         for index, port in enumerate(router.ports):
             if port.use is model.PortUse.LINK and port.link is None:
-                message = f"port {port.name} is for a link, but which is not said"
+                message = f"port {port.name} is for a link, but does not say which"
                 yield draft.finding_at(
                     _draft.Part("device", host), ("ports", index), message, "add `link: <name of the link>`"
                 )
@@ -192,13 +192,13 @@ def _can_feed(draft: _draft.Draft, host: str) -> bool:
 def _wrong_source(draft: _draft.Draft, host: str, source: str, able: list[str]) -> tuple[str, str] | None:
     hint = f"name the router of the site: {', '.join(able)}" if able else "remove `powered_by:`"
     if source not in draft.layout.hosts:
-        return f"there is no host `{source}`", suggest(source, able, none=hint)
+        return f"host `{source}` does not exist", suggest(source, able, none=hint)
     if source == host:
-        return f"`{host}` cannot feed itself", hint
+        return f"`{host}` cannot power itself", hint
     if draft.layout.hosts[source] != draft.layout.hosts[host]:
-        return f"`{source}` is at site `{draft.layout.hosts[source]}`, `{host}` is not", hint
+        return f"`{source}` is at site `{draft.layout.hosts[source]}`, but `{host}` is not", hint
     if draft.kind_of(source) is not None and not _can_feed(draft, source):
-        return f"`{source}` is a {draft.kind_of(source)}: only a router or a switch feeds others", hint
+        return f"`{source}` is a {draft.kind_of(source)}: only a router or a switch powers other devices", hint
     return None
 
 
@@ -220,13 +220,13 @@ def _wrong_port(
     ports: tuple[model.Port | model.SwitchPort, ...] = router.ports
     port = next((port for port in ports if port.name == source.port), None)
     feeding = ", ".join(item.name for item in ports if item.poe is not None and item.poe.out is not model.PoeMode.OFF)
-    hint = f"ports of `{source.device}` that feed: {feeding or 'none'}"
+    hint = f"ports of `{source.device}` that supply power: {feeding or 'none'}"
     if port is None:
         return f"`{source.device}` has no port {source.port}", hint
     if port.poe is None:
-        return f"port {port.name} of `{source.device}` cannot feed power: it has no `poe`", hint
+        return f"port {port.name} of `{source.device}` cannot supply power: it has no `poe`", hint
     if port.poe.out is model.PoeMode.OFF:
-        return f"port {port.name} of `{source.device}` has its power switched off", hint
+        return f"port {port.name} of `{source.device}` has its power turned off", hint
     if is_shared:
         return None  # two devices on one port: that is told, and which of them is right is not known
     return _other_cable(draft, host, source, router)
@@ -241,7 +241,7 @@ def _other_cable(
         return None
     if isinstance(router, model.Switch):
         message = f"`{host}` carries link `{link}`, but port {source.port} of `{source.device}` is in the LAN"
-        return message, "power and data use one cable, and that of a link leads to the router"
+        return message, "power and data share one cable, and that of a link leads to the router"
     port = next(port for port in router.ports if port.name == source.port)
     if port.use is model.PortUse.LINK and port.link in _links_at(draft, host) - {link}:
         message = f"`{host}` carries link `{link}`, but port {port.name} leads to link `{port.link}`"
@@ -274,9 +274,9 @@ def one_device_a_port(draft: _draft.Draft) -> Iterator[Finding]:
         first = first_hosts.setdefault((source.device, source.port), host)
         if first != host:
             where = draft.where(_draft.Part("device", first), "powered_by", "port")
-            message = f"port {source.port} of `{source.device}` already feeds `{first}` ({where})"
+            message = f"port {source.port} of `{source.device}` already powers `{first}` ({where})"
             yield draft.finding_at(
-                _draft.Part("device", host), ("powered_by", "port"), message, "a port feeds one device"
+                _draft.Part("device", host), ("powered_by", "port"), message, "a port powers one device"
             )
 
 

@@ -25,9 +25,9 @@ def reflector(draft: _draft.Draft) -> Iterator[findings.Finding]:
     path = ("qualify", "reflector")
     if host not in draft.layout.hosts:
         hint = findings.suggest(host, centres, none="add a host of group control_centres")
-        yield draft.finding_at(_PILOT, path, f"there is no host `{host}`", hint)
+        yield draft.finding_at(_PILOT, path, f"host `{host}` does not exist", hint)
     elif kind not in {None, "control_centre"}:
-        hint = f"name a control_centre: {findings.choices(centres) or 'there is none'}"
+        hint = f"name a control_centre: {findings.choices(centres) or 'none available'}"
         yield draft.finding_at(_PILOT, path, f"`{host}` is a {kind}", hint)
 
 
@@ -44,7 +44,7 @@ def port_is_free(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if (forward.transport, forward.port) == (Transport.UDP, qualify.port):
             where = draft.where(_draft.Part("device", host), "forwards", index, "port")
             message = f"udp port {qualify.port} is already forwarded to `{forward.to}` ({where})"
-            hint = f"choose another `port:`, or remove that row: `{host}` forwards this port by itself"
+            hint = f"choose another `port:`, or remove that row: `{host}` forwards this port itself"
             yield draft.finding_at(_PILOT, ("qualify", "port"), message, hint)
 
 
@@ -54,8 +54,8 @@ def key_is_long(draft: _draft.Draft) -> Iterator[findings.Finding]:
         return
     length = len(draft.pilot.qualify.key.reveal().encode())
     if length < KEY_OCTETS:
-        message = f"the key has {length} octets, and {KEY_OCTETS} are needed"
-        yield draft.finding_at(_PILOT, ("qualify", "key"), message, "`openssl rand -base64 24` makes one")
+        message = f"the key has {length} octets, but {KEY_OCTETS} are needed"
+        yield draft.finding_at(_PILOT, ("qualify", "key"), message, "`openssl rand -base64 24` creates one")
 
 
 def address_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -67,7 +67,7 @@ def address_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if claim.path[0] in {"vpn", "lan", "management", "served_links"} and address in claim.network:
             where = draft.where(claim.part, *claim.path)
             message = f"the far end {address} is inside {claim.what}, {claim.network} ({where})"
-            hint = "name the public address of the control centre, or leave `address:` out: then it is `vpn.endpoint`"
+            hint = "set the public address of the control centre, or remove `address:` to use `vpn.endpoint`"
             yield draft.finding_at(_PILOT, ("qualify", "address"), message, hint)
 
 

@@ -58,7 +58,7 @@ def protocol_and_standard(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Refuse nv2 and nstreme with 802.11ax: only the package `wireless` has them (MikroTik manual, WiFi)."""
     for _, part, ptp in _radios(draft):
         if ptp.standard == "802.11ax" and ptp.protocol is not model.PtpProtocol.IEEE_80211:
-            message = f"a device of 802.11ax does not speak {ptp.protocol}"
+            message = f"an 802.11ax device does not support {ptp.protocol}"
             yield draft.finding_at(part, ("ptp", "protocol"), message, 'write "802.11", or choose an older standard')
 
 
@@ -66,7 +66,7 @@ def refuse_nstreme(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Refuse nstreme: it needs extra settings, and nv2 serves its purpose better (MikroTik manual, Nv2)."""
     for _, part, ptp in _radios(draft):
         if ptp.protocol is model.PtpProtocol.NSTREME:
-            message = "nstreme is not set up by this toolkit"
+            message = "nstreme is not supported by this toolkit"
             yield draft.finding_at(part, ("ptp", "protocol"), message, 'write nv2, or "802.11"')
 
 
@@ -74,10 +74,10 @@ def menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require that the radio's settings exist in the chosen family of RouterOS menus."""
     for _, part, ptp in _radios(draft):
         if ptp.menus is model.RadioMenus.WIFI and ptp.protocol is model.PtpProtocol.NV2:
-            message = "the `wifi` menus do not speak nv2"
+            message = "the `wifi` menus do not support nv2"
             hint = 'write `menus: wireless`, or `protocol: "802.11"` at both ends'
         elif ptp.menus is model.RadioMenus.WIRELESS and ptp.standard == "802.11ax":
-            message = "the `wireless` menus do not know 802.11ax"
+            message = "the `wireless` menus do not support 802.11ax"
             hint = "write `menus: wifi` or `menus: auto`, or choose an older standard"
         else:
             continue
@@ -93,8 +93,10 @@ def menus_of_an_access_point(draft: _draft.Draft) -> Iterator[findings.Finding]:
             continue
         for name, value in (("standard", "802.11ax"), ("wpa", "wpa3")):
             if getattr(radio, name) == value:
-                hint = "write `menus: wifi` if the router has them, or choose an older one"
-                yield draft.finding_at(part, ("access_point", name), f"the `wireless` menus do not know {value}", hint)
+                hint = "write `menus: wifi` if the router has them, or choose an older standard"
+                yield draft.finding_at(
+                    part, ("access_point", name), f"the `wireless` menus do not support {value}", hint
+                )
 
 
 def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -106,7 +108,7 @@ def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if {ptp.menus, other.ptp.menus} == {model.RadioMenus.WIRELESS, model.RadioMenus.WIFI}:
             where = draft.where(_draft.Part("device", ptp.peer), "ptp", "menus")
             message = f"`menus` is {ptp.menus} here and {other.ptp.menus} at the other end ({where})"
-            hint = "a bridge needs the same driver at both ends: take two devices of one family"
+            hint = "a bridge needs the same driver at both ends: use two devices of one family"
             yield draft.finding_at(part, ("ptp", "menus"), message, hint)
 
 
@@ -116,10 +118,12 @@ def wpa(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if ptp.wpa != "wpa3":
             continue
         if ptp.menus is model.RadioMenus.WIRELESS:
-            yield draft.finding_at(part, ("ptp", "wpa"), "the `wireless` menus do not know wpa3", "write `wpa: wpa2`")
+            yield draft.finding_at(
+                part, ("ptp", "wpa"), "the `wireless` menus do not support wpa3", "write `wpa: wpa2`"
+            )
         elif ptp.protocol is model.PtpProtocol.NV2:
-            message = "nv2 has a key of its own, and no wpa3"
-            yield draft.finding_at(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
+            message = "nv2 has its own key, and no wpa3"
+            yield draft.finding_at(part, ("ptp", "wpa"), message, 'remove `wpa`, or write `protocol: "802.11"`')
 
 
 def _channel(radio: model.WifiRadio) -> tuple[str, str, int, int]:
@@ -137,7 +141,7 @@ def channel(draft: _draft.Draft) -> Iterator[findings.Finding]:
             else "choose a smaller width"
         )
         if not channels.is_channel(radio.band, radio.frequency_mhz):
-            message = f"{radio.frequency_mhz} MHz is no channel of {radio.band}"
+            message = f"{radio.frequency_mhz} MHz is not a channel of {radio.band}"
             yield draft.finding_at(part, (block, "frequency_mhz"), message, hint)
         elif why := channels.why_illegal(
             radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor
@@ -156,7 +160,7 @@ def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if radio.country != draft.pilot.country:
             where = draft.where(_draft.Part("pilot"), "country")
             message = f"the radio's country is {radio.country}, the pilot's is {draft.pilot.country} ({where})"
-            yield draft.finding_at(part, (block, "country"), message, "make both the same")
+            yield draft.finding_at(part, (block, "country"), message, "make both equal")
 
 
 def key(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -166,7 +170,7 @@ def key(draft: _draft.Draft) -> Iterator[findings.Finding]:
             message = "the bridge's key must have 8 to 63 printable ASCII characters"
             if block != "ptp":
                 message = "the access point's key must have 8 to 63 printable ASCII characters"
-            yield draft.finding_at(part, (block, "key"), message, "make another key")
+            yield draft.finding_at(part, (block, "key"), message, "create another key")
 
 
 def is_passphrase(key: Secret) -> bool:
@@ -185,7 +189,7 @@ def peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
         peer = draft.devices.get(ptp.peer)
         if ptp.peer not in draft.layout.hosts:
             problem = (
-                f"there is no host `{ptp.peer}`",
+                f"host `{ptp.peer}` does not exist",
                 findings.suggest(ptp.peer, other_ends, none="add it to hosts.yml"),
             )
         elif ptp.peer == host:
@@ -197,7 +201,7 @@ def peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
             where = draft.where(_draft.Part("device", ptp.peer), "ptp", "peer")
             problem = (
                 f"the peer `{ptp.peer}` has another peer, `{peer.ptp.peer}` ({where})",
-                "let each name the other",
+                "set each as the peer of the other",
             )
         else:
             continue
@@ -257,7 +261,8 @@ def check_bridge_radios(draft: _draft.Draft) -> Iterator[findings.Finding]:
                     f"`{link.device}` points at `{peer}`, which is not the radio of the bridge at `{link.carries}`"
                 )
                 hint = (
-                    f"its peer is {findings.choices(str(item) for item in carried_boxes)}: correct `peer` or `carries`"
+                    f"its peer must be {findings.choices(str(item) for item in carried_boxes)}: correct `peer` "
+                    "or `carries`"
                 )
                 yield draft.finding_at(_draft.Part("site", name), ("served_links", index, "device"), message, hint)
 
@@ -295,7 +300,7 @@ def bounds(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if ptp.signal.weakest_dbm >= ptp.signal.strongest_dbm:
             message = f"the weakest level, {ptp.signal.weakest_dbm} dBm, is not below the strongest"
             message += f", {ptp.signal.strongest_dbm} dBm"
-            yield draft.finding_at(part, ("ptp", "signal"), message, "exchange them: -75 dBm is weaker than -35 dBm")
+            yield draft.finding_at(part, ("ptp", "signal"), message, "swap them: -75 dBm is weaker than -35 dBm")
 
 
 def eirp(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -311,7 +316,7 @@ def eirp(draft: _draft.Draft) -> Iterator[findings.Finding]:
             message += f" {radio.tx_power_dbm + radio.antenna_gain_dbi} dBm; {radio.country} allows {limit:g} dBm"
             message += f" at {radio.frequency_mhz} MHz"
             most = int(limit) - radio.antenna_gain_dbi
-            hint = f"write `tx_power_dbm: {most}` or less" if most >= 0 else "take an antenna with less gain"
+            hint = f"write `tx_power_dbm: {most}` or less" if most >= 0 else "use an antenna with less gain"
             yield draft.finding_at(part, (block, "tx_power_dbm"), message, hint)
 
 
@@ -320,7 +325,7 @@ def short_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for _, part, ptp in _radios(draft):
         if ptp.distance_m is None or ptp.distance_m >= _SHORT_M or ptp.tx_power_dbm is not None:
             continue
-        message = f"over {ptp.distance_m} m full power overdrives the other receiver: `tx_power_dbm` has to be declared"
+        message = f"over {ptp.distance_m} m, full power overdrives the other receiver: `tx_power_dbm` must be set"
         yield draft.finding_at(part, ("ptp", "distance_m"), message, _power(ptp, ptp.distance_m))
 
 
@@ -328,14 +333,14 @@ def _power(ptp: model.Ptp, distance_m: int) -> str:
     """Return a hint with a transmit power for a good signal, within the legal limit, if both ends have this antenna."""
     gain = ptp.antenna_gain_dbi
     if gain is None:
-        return "write the antenna's gain as `antenna_gain_dbi`, and `tx_power_dbm`: start low, like 5"
+        return "set `antenna_gain_dbi` to the gain of the antenna, and `tx_power_dbm`: start low, for example at 5"
     between = 2 * gain - _lost_db(ptp, distance_m)
     limit = channels.eirp_dbm(*_channel(ptp), outdoors=ptp.outdoor)
     power = max(0, round(_AIM_DBM - between))
     if limit is not None and power + gain > limit:
         most = max(0, int(limit) - gain)
-        return f"the law allows `tx_power_dbm: {most}`, heard at about {most + between:.0f} dBm: take larger antennas"
-    return f"write `tx_power_dbm: {power}`, which the other end hears at about {power + between:.0f} dBm in free space"
+        return f"the law allows `tx_power_dbm: {most}`, received at about {most + between:.0f} dBm: use larger antennas"
+    return f"write `tx_power_dbm: {power}`, received at the other end at about {power + between:.0f} dBm in free space"
 
 
 def level(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -357,13 +362,13 @@ def level(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if signal.weakest_dbm >= signal.strongest_dbm:
             continue  # told by `bounds`
         if received_dbm > signal.strongest_dbm:
-            what, bound = "above the strongest level", signal.strongest_dbm
+            what, bound = "above its strongest level", signal.strongest_dbm
         elif received_dbm < signal.weakest_dbm:
-            what, bound = "below the weakest level", signal.weakest_dbm
+            what, bound = "below its weakest level", signal.weakest_dbm
         else:
             continue
         where = draft.where(_draft.Part("device", ptp.peer), "ptp", "signal")
-        message = f"`{ptp.peer}` would hear {received_dbm:.0f} dBm over {distance_m} m, {what} that it declares"
+        message = f"`{ptp.peer}` would receive {received_dbm:.0f} dBm over {distance_m} m, {what} in the inventory"
         yield draft.finding_at(
             part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m)
         )

@@ -50,8 +50,8 @@ def refuse_derived_targets(draft: _draft.Draft) -> Iterator[Finding]:
                     satellite_allow_list.FAR_END_TARGET: f"the {satellite_allow_list.FAR_END_TARGET}",
                 }
                 what = target_names.get(same.name, f"the time server {same.name}")
-                message = f"`{link.name}` admits {what} by itself: {_describe_target(target)} needs no entry"
-                hint = "remove it; `allow:` holds only what comes on top of the VPN and the time servers"
+                message = f"`{link.name}` always admits {what}: {_describe_target(target)} needs no entry"
+                hint = "remove it; `allow:` contains only additions to the VPN and the time servers"
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "allow", place), message, hint)
 
 
@@ -81,14 +81,15 @@ def refused_means_refused(draft: _draft.Draft) -> Iterator[Finding]:
                 satellite_allow_list.allowed_targets(draft.pilot, link), target.address, target.port, target.transport
             ):
                 message = (
-                    f"`{link.name}` admits {_describe_target(target)}, so it cannot prove that anything is refused"
+                    f"`{link.name}` admits {_describe_target(target)}, so a test of it cannot prove that "
+                    "traffic is refused"
                 )
-                hint = "name an address or a port of yours that is not on the allow-list"
+                hint = "name your own address or port that is not on the allow-list"
                 yield draft.finding_at(_draft.Part("site", name), path, message, hint)
             elif target.address in link.network:
                 message = f"{target.address} is in {link.network}, on this side of the satellite"
                 yield draft.finding_at(
-                    _draft.Part("site", name), path, message, "name an address of yours on the other side"
+                    _draft.Part("site", name), path, message, "name your own address on the other side"
                 )
 
 
@@ -100,8 +101,10 @@ def one_factory_address(draft: _draft.Draft) -> Iterator[Finding]:
         for other, place, unit in draft.valid_devices(model.LteRouter):
             if place == site and unit.address == FACTORY_ADDRESS:
                 where = draft.where(_draft.Part("device", other), "address")
-                message = f"`{host}` and `{other}` ({where}) are both at {FACTORY_ADDRESS}, as both makes come"
-                hint = "give one of them another network on its own pages, then declare that here and in `bearers:`"
+                message = (
+                    f"`{host}` and `{other}` ({where}) are both at {FACTORY_ADDRESS}, the factory address of both makes"
+                )
+                hint = "set another network on the web pages of one of them, then enter it here and in `bearers:`"
                 yield draft.finding_at(_draft.Part("device", host), ("address",), message, hint)
 
 
@@ -117,8 +120,8 @@ def evidence_is_whole(draft: _draft.Draft) -> Iterator[Finding]:
             hint = "add it (sha256sum FILE prints the hash), or remove both"
             yield draft.finding_at(part, ("evidence",), message, hint)
         if evidence.backup_file is not None and ("/" in evidence.backup_file or evidence.backup_file.startswith(".")):
-            message = f"`{evidence.backup_file}` is no plain file name"
-            hint = "put the file into the inventory's folder evidence/, and write its name only"
+            message = f"`{evidence.backup_file}` is not a plain file name"
+            hint = "put the file into the folder evidence/ of the inventory, and write only its name"
             yield draft.finding_at(part, ("evidence", "backup_file"), message, hint)
 
 
@@ -156,8 +159,8 @@ def refuse_cost_on_unmetered(draft: _draft.Draft) -> Iterator[Finding]:
     for name, index, link in _links(draft):
         for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur", *_PROBE_TARGET_BUDGETS):
             if not link.metered and key in link.model_fields_set and getattr(link, key) is not None:
-                message = f"link `{link.name}` is declared as free (`metered: false`), so `{key}` means nothing"
-                hint = f"remove `{key}:`, or write `metered: true` if every byte costs"
+                message = f"link `{link.name}` is free (`metered: false`), so `{key}` has no effect"
+                hint = f"remove `{key}:`, or write `metered: true` if every byte costs money"
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index, key), message, hint)
 
 
@@ -165,8 +168,8 @@ def leaves_room_to_read(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a cap large enough to read one router; below that it would forbid everything."""
     for name, index, link in _links(draft):
         if link.metered and link.cap_mb < _LEAST_MB:
-            message = f"link `{link.name}` admits {link.cap_mb:g} MB to an action, not enough to read one router"
-            hint = f"write {_LEAST_MB:g} or more; what nobody has agreed to pay is not sent in any case"
+            message = f"link `{link.name}` admits {link.cap_mb:g} MB per action, too little to read one router"
+            hint = f"write {_LEAST_MB:g} or more; nothing is sent without consent to the cost"
             yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "cap_mb"), message, hint)
 
 
@@ -175,7 +178,9 @@ def a_floor_has_a_rate(draft: _draft.Draft) -> Iterator[Finding]:
     for name, index, link in _links(draft):
         billing = link.billing
         if billing is not None and billing.floor_after_s and not billing.floor_bytes_per_s:
-            message = f"the tariff of link `{link.name}` has a floor from {billing.floor_after_s} s on, and no floor"
+            message = (
+                f"the tariff of link `{link.name}` has a floor from {billing.floor_after_s} s on, but no value for it"
+            )
             hint = "add `floor_bytes_per_s` from the contract, or remove `floor_after_s`"
             yield draft.finding_at(
                 _draft.Part("site", name), ("bearers", index, "billing", "floor_after_s"), message, hint
@@ -190,12 +195,12 @@ def a_budget_in_euro_has_a_tariff(draft: _draft.Draft) -> Iterator[Finding]:
                 continue
             billing, path, in_mb = link.billing, ("bearers", index, key), key.replace("_eur", "_mb")
             if billing is None:
-                message = f"link `{link.name}` has a budget in EUR and no tariff, so nobody can say whether it is kept"
+                message = f"link `{link.name}` has a budget in EUR but no tariff, so the budget cannot be checked"
                 hint = f"add `billing:` from the contract, or write `{in_mb}:`"
                 yield draft.finding_at(_draft.Part("site", name), path, message, hint)
             elif billing.currency != "EUR":
-                message = f"the tariff of link `{link.name}` is in {billing.currency}, and its budget in EUR"
-                yield draft.finding_at(_draft.Part("site", name), path, message, f"write `{in_mb}:` in its place")
+                message = f"the tariff of link `{link.name}` is in {billing.currency}, but its budget is in EUR"
+                yield draft.finding_at(_draft.Part("site", name), path, message, f"write `{in_mb}:` instead")
 
 
 def a_budget_of_probe_targets_is_of_use(draft: _draft.Draft) -> Iterator[Finding]:
@@ -206,17 +211,20 @@ def a_budget_of_probe_targets_is_of_use(draft: _draft.Draft) -> Iterator[Finding
             continue
         path = ("bearers", index, key)
         if not link.canaries:
-            message = f"link `{link.name}` has a budget for canaries, and no canaries"
+            message = f"link `{link.name}` has a budget for probe targets, but no probe targets"
             yield draft.finding_at(_draft.Part("site", name), path, message, f"add `canaries:`, or remove `{key}:`")
         elif link.probe_target_pause_s > model.LONGEST_PAUSE_S and link.probe_target_budget_bytes is not None:
             least_mb = (
                 ceil(link.probe_target_budget_bytes / 1e4 * link.probe_target_pause_s / model.LONGEST_PAUSE_S) / 100
             )
             message = (
-                f"the budget of the canaries of link `{link.name}` admits one question in "
-                f"{link.probe_target_pause_s / 60:.0f} min, too seldom to notice that it is dead"
+                f"the probe budget of link `{link.name}` allows one probe every "
+                f"{link.probe_target_pause_s / 60:.0f} min, too few to notice a failure"
             )
-            hint = f"once in {model.LONGEST_PAUSE_S // 60} min takes {least_mb:.2f} MB a month: let `{key}` admit that"
+            hint = (
+                f"one probe every {model.LONGEST_PAUSE_S // 60} min uses {least_mb:.2f} MB a month: set `{key}` "
+                "to at least that"
+            )
             yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
 
@@ -224,7 +232,7 @@ def metered_links_have_a_budget(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a budget for the standing traffic of a metered link, which is paid every day."""
     for name, index, link in _links(draft):
         if link.metered and not link.has_standing_budget:
-            message = f"no budget is declared for what goes over {link.name} by itself"
+            message = f"there is no budget for the background traffic over {link.name}"
             yield draft.finding_at(_draft.Part("site", name), ("bearers", index), message, BUDGET_HINT)
 
 

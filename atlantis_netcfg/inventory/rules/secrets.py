@@ -32,7 +32,7 @@ def refuse_clear_text(draft: _draft.Draft) -> Iterator[Finding]:
             is_vaulted = isinstance(draft.nodes[part].at(*path).value, Secret)
             if not is_vaulted and not secret.is_example:
                 name = str(path[-1])
-                message = f"`{name}` stands in clear text"
+                message = f"`{name}` is in clear text"
                 yield draft.finding_at(part, path, message, f"ansible-vault encrypt_string --stdin-name {name}")
 
 
@@ -41,8 +41,8 @@ def printable(draft: _draft.Draft) -> Iterator[Finding]:
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
             if not isinstance(secret, SealedSecret) and not (secret.reveal() and secret.reveal().isprintable()):
-                message = f"`{path[-1]}` is empty, or has a line break or another control character"
-                yield draft.finding_at(part, path, message, "make another one")
+                message = f"`{path[-1]}` is empty, or contains a line break or another control character"
+                yield draft.finding_at(part, path, message, "create another one")
 
 
 def weak(draft: _draft.Draft) -> Iterator[Finding]:
@@ -59,11 +59,11 @@ def weak(draft: _draft.Draft) -> Iterator[Finding]:
 def _weakness(name: str, text: str, words: tuple[str, ...], *, is_ours: bool) -> tuple[str, str]:
     """Return what is wrong with a secret and what to do; both are empty if nothing is wrong."""
     if "EXAMPLE" in text.upper():
-        hint = "vault the real value; while there is none, write EXAMPLE-… without `!vault`"
-        return f"`{name}` is vaulted, but it is still an example", hint
+        hint = "put the real value in the vault; until there is one, write EXAMPLE-… without `!vault`"
+        return f"`{name}` is in the vault, but is still an example", hint
     if not (is_ours and text and text.isprintable()):  # for the latter two see above
         return "", ""
-    hint = f"make a random one (openssl rand -base64 18), then ansible-vault encrypt_string --stdin-name {name}"
+    hint = f"create a random one (openssl rand -base64 18), then ansible-vault encrypt_string --stdin-name {name}"
     if len(text) < _LENGTH:
         return f"`{name}` has fewer than {_LENGTH} characters", hint
     if passwords.guesses(text[:_PREFIX], words)[0] < _GUESSES:
@@ -107,13 +107,13 @@ def examples_left(draft: _draft.Draft) -> Iterator[Finding]:
         else:
             is_key = example.recognised == SSH_KEY
             hint = "write the real value, or set `example_values: true`"
-            hint = "write a technician's public key: the line of the .pub file" if is_key else hint
+            hint = "write the public key of a technician: the line of the .pub file" if is_key else hint
             mark = Mark(example.file, example.line, example.column)
             yield Finding.at(mark, f"{example.recognised} is still an example, {but}", hint)
     for mark, keys in keys_by_mark.items():
         words = ", ".join(dict.fromkeys(keys))
         verb = "is" if len(set(keys)) == 1 else "are"
-        hint = "write what is true, and delete the mark `# EXAMPLE`; or set `example_values: true`"
+        hint = "write the real value, and delete the mark `# EXAMPLE`; or set `example_values: true`"
         yield Finding.at(mark, f"{words} {verb} marked as an example, {but}", hint)
 
 

@@ -54,7 +54,7 @@ def ports_once(draft: _draft.Draft) -> Iterator[Finding]:
         )
         if key in owner_by_port:
             message = f"{service.transport} port {service.port} of `{host}` is already {owner_by_port[key]}"
-            yield draft.finding_at(part, path, message, "choose a port that is free")
+            yield draft.finding_at(part, path, message, "choose a free port")
         why = f"that of the service `{service.name}`, in line {draft.mark(part, *path).line}"
         owner_by_port.setdefault(key, why)
 
@@ -68,7 +68,7 @@ def _occupied_ports(draft: _draft.Draft, host: str, device: model.ServerComputer
     if draft.pilot is None:
         return owner_by_port
     if device.vpn_address is not None:
-        owner_by_port[model.Transport.UDP, model.REFLECTOR_PORT] = "that of the answers to other sites' checklists"
+        owner_by_port[model.Transport.UDP, model.REFLECTOR_PORT] = "that of the responder for checklists of other sites"
     if draft.pilot.qualify is not None:
         owner_by_port[model.Transport.UDP, draft.pilot.qualify.port] = (
             "that of the far end of measurements (pilot.qualify)"
@@ -87,14 +87,14 @@ def open_ports(draft: _draft.Draft) -> Iterator[Finding]:
     for host, device, index, service in _services(draft):
         path = ("services", index)
         if service.port is None and (service.open_to or service.partners):
-            message = f"the service `{service.name}` has no port that could be open to anybody"
+            message = f"the service `{service.name}` has no port that can be opened"
             yield draft.finding_at(
-                _draft.Part("device", host), path, message, "write its `port:`, or leave out who reaches it"
+                _draft.Part("device", host), path, message, "set its `port:`, or remove who can reach it"
             )
         elif device.vpn_address is None and (service.partners or model.ServiceNetwork.VPN in service.open_to):
-            message = f"`{service.name}` is to be reached through the VPN, and `{host}` has no address in it"
+            message = f"`{service.name}` must be reachable through the VPN, but `{host}` has no VPN address"
             yield draft.finding_at(
-                _draft.Part("device", host), path, message, f"write `vpn_address:` of `{host}`, or `open_to: [lan]`"
+                _draft.Part("device", host), path, message, f"set `vpn_address:` of `{host}`, or `open_to: [lan]`"
             )
 
 
@@ -109,10 +109,10 @@ def partners_known(draft: _draft.Draft) -> Iterator[Finding]:
             path = ("services", index, "partners", place)
             if partner not in partner_names:
                 hint = suggest(partner, partner_names, none="add it to `partners`")
-                yield draft.finding_at(_draft.Part("device", host), path, f"there is no partner `{partner}`", hint)
+                yield draft.finding_at(_draft.Part("device", host), path, f"partner `{partner}` does not exist", hint)
             elif partner in service.partners[:place]:
                 yield draft.finding_at(
-                    _draft.Part("device", host), path, f"`{partner}` stands twice in this list", "remove one"
+                    _draft.Part("device", host), path, f"`{partner}` is twice in this list", "remove one"
                 )
 
 
@@ -123,18 +123,18 @@ def started_once(draft: _draft.Draft) -> Iterator[Finding]:
         if service.container is None:
             continue
         if service.program is not None:
-            message = f"the service `{service.name}` is a program and a container"
-            yield draft.finding_at(part, path, message, "leave one of them out")
+            message = f"the service `{service.name}` is both a program and a container"
+            yield draft.finding_at(part, path, message, "remove one of them")
         names: set[str] = set()
         for place, variable in enumerate(service.container.environment):
             where = (*path, "environment", place)
             if (variable.value is None) == (variable.secret is None):
                 message = f"`{variable.name}` has neither a value nor a secret"
                 if variable.secret is not None:
-                    message = f"`{variable.name}` has a value and a secret"
-                yield draft.finding_at(part, where, message, "write `value:`, or `secret:` and a vaulted one")
+                    message = f"`{variable.name}` has both a value and a secret"
+                yield draft.finding_at(part, where, message, "write `value:`, or `secret:` with a vaulted value")
             if variable.name in names:
-                yield draft.finding_at(part, where, f"`{variable.name}` stands twice in this list", "remove one")
+                yield draft.finding_at(part, where, f"`{variable.name}` is twice in this list", "remove one")
             names.add(variable.name)
 
 
@@ -147,8 +147,8 @@ def programs_apart(draft: _draft.Draft) -> Iterator[Finding]:
         form = "program" if service.program is not None else "container"
         part, path = _draft.Part("device", host), ("services", index, form)
         if service.workload.user == "root":
-            message = f"the service `{service.name}` would run as root, and its program is not ours"
-            yield draft.finding_at(part, (*path, "user"), message, "leave `user:` out: it gets an account of its own")
+            message = f"the service `{service.name}` would run as root, but its program is not ours"
+            yield draft.finding_at(part, (*path, "user"), message, "remove `user:`: the service gets its own account")
         if service.workload.data is not None:
             first = owner_by_folder.setdefault((host, service.workload.data), service.name)
             if first != service.name:
@@ -161,13 +161,13 @@ def containers_possible(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(model.ServerComputer):
         if not _has_foxy(draft, device):
             continue
-        message = f"`{host}` gets ROS 2 foxy, so that it has Ubuntu 20.04, and no podman is in the archive of that"
+        message = f"`{host}` gets ROS 2 foxy and so has Ubuntu 20.04, whose archive has no podman"
         hint = "run the container on a computer without foxy: Debian 12 has podman"
         for index, each in enumerate(device.services):
             if each.container is not None:
                 yield draft.finding_at(_draft.Part("device", host), ("services", index, "container"), message, hint)
         if device.ros1_bridge is not None and device.ros1_bridge.archive is not None:
-            hint = "leave out `archive:` and `sha256:`: there the bridge is a package of ROS"
+            hint = "remove `archive:` and `sha256:`: there the bridge is a ROS package"
             yield draft.finding_at(_draft.Part("device", host), ("ros1_bridge",), message, hint)
 
 
@@ -185,11 +185,11 @@ def bridges_possible(draft: _draft.Draft) -> Iterator[Finding]:
         if bridge is None:
             continue
         if draft.pilot is not None and draft.pilot.dds is None:
-            message = f"`{host}` is to bridge topics to ROS 2, and the pilot declares no DDS"
-            yield draft.finding_at(part, ("ros1_bridge",), message, "write `dds: {distribution: …}` in pilot.yml")
+            message = f"`{host}` bridges topics to ROS 2, but the pilot has no DDS settings"
+            yield draft.finding_at(part, ("ros1_bridge",), message, "add `dds: {distribution: …}` to pilot.yml")
         if device.vpn_address is None:
-            message = f"the bridge of `{host}` talks through the VPN, and `{host}` has no address in it"
-            yield draft.finding_at(part, ("ros1_bridge",), message, f"write `vpn_address:` of `{host}`")
+            message = f"the bridge of `{host}` uses the VPN, but `{host}` has no VPN address"
+            yield draft.finding_at(part, ("ros1_bridge",), message, f"set `vpn_address:` of `{host}`")
         for index, service in enumerate(device.services):
             if service.name == model.ROS1_BRIDGE:
                 message = f"`{model.ROS1_BRIDGE}` is the name of the bridge to ROS 1 of `{host}`"
@@ -198,7 +198,7 @@ def bridges_possible(draft: _draft.Draft) -> Iterator[Finding]:
         for index, topic in enumerate(topics):
             if topic in topics[:index]:
                 path = ("ros1_bridge", "topics", index)
-                yield draft.finding_at(part, path, f"`{topic}` stands twice in this list", "remove one")
+                yield draft.finding_at(part, path, f"`{topic}` is twice in this list", "remove one")
 
 
 def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
@@ -208,11 +208,11 @@ def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
         if bridge is None:
             continue
         if (bridge.archive is None) is not (bridge.sha256 is None):
-            message = f"the bridge of `{host}` has one of `archive:` and `sha256:`, which belong together"
-            yield draft.finding_at(part, ("ros1_bridge",), message, "write both; beside foxy neither")
+            message = f"the bridge of `{host}` has only one of `archive:` and `sha256:`"
+            yield draft.finding_at(part, ("ros1_bridge",), message, "write both; with foxy, neither")
         elif bridge.archive is None and draft.pilot is not None and not _has_foxy(draft, device):
-            message = f"the bridge of `{host}` is no package there, for `{host}` does not get ROS 2 foxy"
-            hint = "write `archive:` and `sha256:` of an image that holds it: docs/robots.md says how"
+            message = f"there is no package for the bridge of `{host}`: `{host}` does not get ROS 2 foxy"
+            hint = "add `archive:` and `sha256:` of an image that contains it (docs/robots.md)"
             yield draft.finding_at(part, ("ros1_bridge",), message, hint)
 
 
@@ -224,16 +224,18 @@ def require_configured_choices(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(model.ControlCentre):
         part = _draft.Part("device", host)
         if device.ros2 and gateways.ros2 is None:
-            message = f"`{host}` is to have ROS 2, and the pilot declares none"
+            message = f"`{host}` needs ROS 2, but the pilot has no ROS 2 settings"
             yield draft.finding_at(
-                part, ("ros2",), message, "write `gateways: {ros2: …}` in pilot.yml, or `ros2: false`"
+                part, ("ros2",), message, "add `gateways: {ros2: …}` to pilot.yml, or write `ros2: false`"
             )
         if device.interop and gateways.interop is None:
-            message = f"`{host}` is to have the library, and the pilot declares none"
-            yield draft.finding_at(part, ("interop",), message, "write `gateways: {interop: …}`, or `interop: false`")
+            message = f"`{host}` needs the library, but the pilot has no settings for it"
+            yield draft.finding_at(
+                part, ("interop",), message, "add `gateways: {interop: …}`, or write `interop: false`"
+            )
         elif device.interop and not device.ros2:
             message = f"the library of `{host}` is built against ROS 2, which it does not have"
-            yield draft.finding_at(part, ("interop",), message, "write `ros2: true` beside it")
+            yield draft.finding_at(part, ("interop",), message, "add `ros2: true` next to it")
 
 
 def recorder_declared(draft: _draft.Draft) -> Iterator[Finding]:
@@ -243,12 +245,12 @@ def recorder_declared(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         part, topics = _draft.Part("device", host), device.recording.topics
         if draft.pilot is not None and draft.pilot.gateways.ros2 is None:
-            message = f"`{host}` is to record topics of ROS 2, and the pilot declares none"
-            yield draft.finding_at(part, ("recording",), message, "write `gateways: {ros2: …}` in pilot.yml")
+            message = f"`{host}` records ROS 2 topics, but the pilot has no ROS 2 settings"
+            yield draft.finding_at(part, ("recording",), message, "add `gateways: {ros2: …}` to pilot.yml")
         for index, topic in enumerate(topics):
             if topic in topics[:index]:
                 path = ("recording", "topics", index)
-                yield draft.finding_at(part, path, f"`{topic}` stands twice in this list", "remove one")
+                yield draft.finding_at(part, path, f"`{topic}` is twice in this list", "remove one")
 
 
 RULES: tuple[_draft.Rule, ...] = (

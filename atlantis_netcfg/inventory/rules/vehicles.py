@@ -46,7 +46,7 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
             owner, where = owner_by_name.setdefault(_fold_name(word), (key, draft.where(part, *path)))
             if owner != key:
                 message = f"`{word}` is already a name of `{owner}` ({where})"
-                yield draft.finding_at(part, path, message, "a name means one vehicle: remove it here or there")
+                yield draft.finding_at(part, path, message, "a name belongs to one vehicle: remove it here or there")
 
 
 def _fold_name(word: str) -> str:
@@ -74,7 +74,7 @@ def partners(draft: _draft.Draft) -> Iterator[Finding]:
         if vehicle.partner is not None and vehicle.partner not in partner_names:
             hint = suggest(vehicle.partner, partner_names, none="add it to `partners`, or write null")
             yield draft.finding_at(
-                _draft.Part("vehicle", key), ("partner",), f"there is no partner `{vehicle.partner}`", hint
+                _draft.Part("vehicle", key), ("partner",), f"partner `{vehicle.partner}` does not exist", hint
             )
 
 
@@ -89,7 +89,7 @@ def columns(draft: _draft.Draft) -> Iterator[Finding]:
     for part, path, row in rows:
         for index, column in enumerate(row):
             if column in row[:index]:
-                yield draft.finding_at(part, (*path, index), f"`{column}` stands twice in this row", "remove one")
+                yield draft.finding_at(part, (*path, index), f"`{column}` is twice in this row", "remove one")
 
 
 def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
@@ -106,12 +106,12 @@ def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         differs = list(_differences(vehicle, row))
         if differs and vehicle.table3_deviation is None:
-            message = f"`{key}` is not as in the report's Table 3: {'; '.join(differs)}"
-            hint = "correct it, or say why: `table3_deviation: <reason>`"
+            message = f"`{key}` differs from the report's Table 3: {'; '.join(differs)}"
+            hint = "correct it, or give the reason: `table3_deviation: <reason>`"
             path = "kind" if vehicle.kind is not row.kind else "table3"
             yield draft.finding_at(_draft.Part("vehicle", key), (path,), message, hint)
         if not differs and vehicle.table3_deviation is not None:
-            message = f"`{key}` says why it differs from the report's Table 3, but it does not differ"
+            message = f"`{key}` has a reason for a deviation from the report's Table 3, but does not deviate"
             yield draft.finding_at(
                 _draft.Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`"
             )
@@ -123,25 +123,23 @@ def guests(draft: _draft.Draft) -> Iterator[Finding]:
     for key, vehicle in draft.vehicles.items():
         part = _draft.Part("vehicle", key)
         if isinstance(vehicle, model.Guest) and not vehicle.guest:
-            hint = "remove the line, or declare the vehicle in vehicles.yml"
-            yield draft.finding_at(
-                part, ("guest",), f"`{key}` stands in guests.yml, and says that it is no guest", hint
-            )
+            hint = "remove the line, or add the vehicle to vehicles.yml"
+            yield draft.finding_at(part, ("guest",), f"`{key}` is in guests.yml, but is not marked as a guest", hint)
         if not vehicle.guest:
             continue
         if vehicle.name in table:
-            message = f"`{vehicle.name}` is a robot of the report's Table 3, and no guest"
+            message = f"`{vehicle.name}` is a robot of the report's Table 3, not a guest"
             yield draft.finding_at(part, ("name",), message, "remove `guest: true`, or give the guest another name")
         if vehicle.table3_deviation is not None:
-            message = f"`{key}` is a guest: there is no row of the report that it could differ from"
+            message = f"`{key}` is a guest: no row of the report applies to it"
             yield draft.finding_at(part, ("table3_deviation",), message, "remove `table3_deviation:`")
         if vehicle.partner is None:
-            message = f"nobody says whose guest `{key}` is"
+            message = f"the partner of guest `{key}` is missing"
             yield draft.finding_at(part, ("partner",), message, "add `partner:` with a key of `partners`")
         for index, site in enumerate(vehicle.tested_at if isinstance(vehicle, model.Guest) else ()):
             if site not in draft.layout.sites:
                 hint = suggest(site, draft.layout.sites, none="add it to hosts.yml")
-                yield draft.finding_at(part, ("tested_at", index), f"there is no site `{site}`", hint)
+                yield draft.finding_at(part, ("tested_at", index), f"site `{site}` does not exist", hint)
 
 
 def _differences(vehicle: model.Vehicle, row: VehicleRow) -> Iterator[str]:
@@ -164,7 +162,9 @@ def _check_extra_vehicle(
     if vehicle.table3_deviation is None:
         near = nearest(vehicle.name, table)
         hint = (
-            f"did you mean `{near}`?" if near else "say why it is here: `table3_deviation: <reason>`, or `guest: true`"
+            f"did you mean `{near}`?"
+            if near
+            else "give the reason why it is here: `table3_deviation: <reason>`, or `guest: true`"
         )
         yield draft.finding_at(
             _draft.Part("vehicle", key), ("name",), f"the report's Table 3 has no vehicle `{vehicle.name}`", hint
@@ -179,7 +179,7 @@ def report_complete(draft: _draft.Draft) -> Iterator[Finding]:
     vehicle_names = [str(draft.nodes[_draft.Part("vehicle", key)].at("name").value) for key in draft.names("vehicle")]
     for name in table3():
         if name not in vehicle_names and nearest(name, vehicle_names) is None:
-            message = f"`{name}` of the report's Table 3 is not declared"
+            message = f"`{name}` of the report's Table 3 is not in the inventory"
             yield draft.finding_at(whole, (), message, "every robot of the report stays in the checklist: add it")
 
 
@@ -189,7 +189,7 @@ def topics_once(draft: _draft.Draft) -> Iterator[Finding]:
         seen_topics: set[str] = set()
         for index, item in enumerate(vehicle.telemetry):
             if item.topic in seen_topics:
-                message = f"the topic `{item.topic}` of `{key}` stands twice"
+                message = f"the topic `{item.topic}` of `{key}` is here twice"
                 yield draft.finding_at(
                     _draft.Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one"
                 )
@@ -202,8 +202,8 @@ def topics_go_by_dds(draft: _draft.Draft) -> Iterator[Finding]:
         return
     for key, vehicle in draft.vehicles.items():
         if vehicle.telemetry:
-            message = f"`{key}` publishes telemetry, and the pilot declares no DDS to carry it"
-            hint = "write `dds: {distribution: foxy}` below `pilot:`, or remove `telemetry:`"
+            message = f"`{key}` publishes telemetry, but the pilot has no DDS settings to carry it"
+            hint = "add `dds: {distribution: foxy}` below `pilot:`, or remove `telemetry:`"
             yield draft.finding_at(_draft.Part("vehicle", key), ("telemetry",), message, hint)
 
 
@@ -215,7 +215,7 @@ def useful_rates(draft: _draft.Draft) -> Iterator[Finding]:
                 message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, below its `least_hz`"
                 path = ("telemetry", index, "least_hz")
                 yield draft.finding_at(
-                    _draft.Part("vehicle", key), path, message, "write a lower `least_hz`, or leave it out"
+                    _draft.Part("vehicle", key), path, message, "write a lower `least_hz`, or remove it"
                 )
 
 

@@ -31,12 +31,12 @@ def server(draft: _draft.Draft) -> Iterator[findings.Finding]:
     kind = draft.kind_of(host)
     if host not in draft.layout.hosts:
         message, hint = (
-            f"there is no host `{host}`",
+            f"host `{host}` does not exist",
             findings.suggest(host, servers, none="add a host of group vpn_servers"),
         )
         yield draft.finding_at(_draft.Part("pilot"), ("vpn", "server"), message, hint)
     elif kind not in {None, "vpn_server"}:
-        hint = f"name a vpn_server: {findings.choices(servers) or 'there is none'}"
+        hint = f"name a vpn_server: {findings.choices(servers) or 'none available'}"
         yield draft.finding_at(_draft.Part("pilot"), ("vpn", "server"), f"`{host}` is a {kind}", hint)
 
 
@@ -46,8 +46,8 @@ def one_server(draft: _draft.Draft) -> Iterator[findings.Finding]:
         return
     for host, _, _ in draft.valid_devices(VpnServer):
         if host != draft.pilot.vpn.server:
-            message = f"`{host}` is a VPN server, and the pilot's is `{draft.pilot.vpn.server}`"
-            hint = "take it out of vpn_servers, or name it in `pilot.vpn.server`"
+            message = f"`{host}` is a VPN server, but that of the pilot is `{draft.pilot.vpn.server}`"
+            hint = "remove it from vpn_servers, or set it in `pilot.vpn.server`"
             yield draft.finding_at(_draft.Part("device", host), ("kind",), message, hint)
 
 
@@ -66,17 +66,17 @@ def require_port_forwarding(draft: _draft.Draft) -> Iterator[findings.Finding]:
         return
     unknown = [index for index, item in enumerate(router.forwards) if item.to not in draft.layout.hosts]
     if not unknown:
-        message = f"no forward of `{host}` leads {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
-        yield draft.finding_at(_draft.Part("device", host), ("forwards",), message, f"write {desired_forward}")
+        message = f"`{host}` does not forward {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
+        yield draft.finding_at(_draft.Part("device", host), ("forwards",), message, f"add {desired_forward}")
 
 
 def shared_key_end(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Refuse `shared_key_until` over TCP: the server's kernel can recognise such packets over UDP only."""
     if draft.pilot is None or draft.pilot.vpn.shared_key_until is None or draft.pilot.vpn.transport is Transport.UDP:
         return
-    message = "`shared_key_until` works over UDP only, and `transport` is tcp"
+    message = "`shared_key_until` works only over UDP, but `transport` is tcp"
     yield draft.finding_at(
-        _draft.Part("pilot"), ("vpn", "shared_key_until"), message, "leave it out, or write `transport: udp`"
+        _draft.Part("pilot"), ("vpn", "shared_key_until"), message, "remove it, or write `transport: udp`"
     )
 
 
@@ -88,7 +88,7 @@ def forwards(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for index, forward in enumerate(router.forwards):
             if forward.to not in draft.layout.hosts:
                 message, hint = (
-                    f"there is no host `{forward.to}`",
+                    f"host `{forward.to}` does not exist",
                     findings.suggest(forward.to, here, none="add it to hosts.yml"),
                 )
                 yield draft.finding_at(part, ("forwards", index, "to"), message, hint)
@@ -112,8 +112,8 @@ def endpoint_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
         inner = claim.path[0] in {"vpn", "lan", "management", "served_links"}
         if inner and endpoint in claim.network:
             where = draft.where(claim.part, *claim.path)
-            message = f"the VPN's endpoint {endpoint} is inside {claim.what}, {claim.network} ({where})"
-            hint = "name the public address at which the sites reach the server"
+            message = f"the VPN endpoint {endpoint} is inside {claim.what}, {claim.network} ({where})"
+            hint = "set the public address at which the sites reach the server"
             yield draft.finding_at(_draft.Part("pilot"), ("vpn", "endpoint"), message, hint)
 
 
@@ -128,7 +128,7 @@ def tunnel_addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if isinstance(device, Router) and device.vpn_client is not None:
             path, address = ("vpn_client", "address"), device.vpn_client.address
         if address is not None and (why := networks.why_unusable(address, pool)):
-            message = f"the tunnel address {address} of `{host}` {why}, the infrastructure's pool"
+            message = f"the tunnel address {address} of `{host}` {why}, the infrastructure pool"
             yield draft.finding_at(_draft.Part("device", host), path, message, networks.example_in(pool))
 
 
@@ -173,8 +173,8 @@ RULES: tuple[_draft.Rule, ...] = (
 )
 
 _RESERVED_USERS = {
-    "default": "OpenVPN's word for a client that has no file of its own",
-    "members": "what the server's firewall calls everybody",
+    "default": "the OpenVPN name for clients without a file of their own",
+    "members": "the name for everybody in the server's firewall",
     "server": "the server itself",
 }
 _PILOT = _draft.Part("pilot")
@@ -184,9 +184,9 @@ def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Refuse reserved partner keys: the key prefixes its devices' names and names its firewall set."""
     for name in draft.partners:
         if name in _RESERVED_USERS:
-            message = f"a partner cannot be called `{name}`: in the VPN that is {_RESERVED_USERS[name]}"
+            message = f"a partner cannot be named `{name}`: in the VPN that is {_RESERVED_USERS[name]}"
             part = _draft.Part("partner", name)
-            yield draft.finding_at(part, (), message, "choose another key; `full_name` is free")
+            yield draft.finding_at(part, (), message, "choose another key; `full_name` can be any name")
 
 
 def sees(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -197,9 +197,9 @@ def sees(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for index, vehicle in enumerate(partner.sees):
             if vehicle not in vehicle_names:
                 hint = findings.suggest(vehicle, vehicle_names, none="add it to `vehicles`")
-                yield draft.finding_at(part, ("sees", index), f"there is no vehicle `{vehicle}`", hint)
+                yield draft.finding_at(part, ("sees", index), f"vehicle `{vehicle}` does not exist", hint)
             elif vehicle in partner.sees[:index]:
-                yield draft.finding_at(part, ("sees", index), f"`{vehicle}` stands twice in this list", "remove one")
+                yield draft.finding_at(part, ("sees", index), f"`{vehicle}` is twice in this list", "remove one")
 
 
 def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -209,8 +209,8 @@ def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
     host = draft.pilot.vpn.server
     device = draft.devices.get(host)
     if isinstance(device, VpnServer) and device.vpn_address is None:
-        message = f"`{host}` runs the VPN and has no address in it"
-        hint = f"write `vpn_address:`, one of {draft.pilot.vpn.infrastructure}"
+        message = f"`{host}` runs the VPN but has no VPN address"
+        hint = f"set `vpn_address:` to one of {draft.pilot.vpn.infrastructure}"
         yield draft.finding_at(_draft.Part("device", host), (), message, hint)
 
 
@@ -224,9 +224,9 @@ def services(draft: _draft.Draft) -> Iterator[findings.Finding]:
         device = draft.devices.get(service.host)
         if service.host not in draft.layout.hosts:
             hint = findings.suggest(service.host, inside, none="add it to hosts.yml")
-            yield draft.finding_at(_PILOT, path, f"there is no host `{service.host}`", hint)
+            yield draft.finding_at(_PILOT, path, f"host `{service.host}` does not exist", hint)
         elif device is not None and _tunnel_address(device) is None and service.host != draft.pilot.vpn.server:
-            message = f"partners reach services through the VPN, and `{service.host}` has no address in it"
+            message = f"partners reach services through the VPN, but `{service.host}` has no VPN address"
             yield draft.finding_at(_PILOT, path, message, f"hosts that have one: {findings.choices(inside) or 'none'}")
 
 
@@ -241,7 +241,8 @@ def services_once(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if first != index:
             line = draft.mark(_PILOT, "vpn", "services", first, "port").line
             message = (
-                f"{service.transport} port {service.port} of `{service.host}` is already a service, in line {line}"
+                f"{service.transport} port {service.port} of `{service.host}` is already used by a service, in "
+                f"line {line}"
             )
             yield draft.finding_at(_PILOT, (*path, "port"), message, "remove one")
         elif (first := index_by_name.setdefault(service.name.casefold(), index)) != index:

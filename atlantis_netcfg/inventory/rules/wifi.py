@@ -31,17 +31,17 @@ def require_access_point(draft: _draft.Draft) -> Iterator[Finding]:
     for name, wifi, key in _vehicle_networks(draft):
         part = _draft.Part("vehicle", name)
         if wifi.role is not model.WifiRole.ACCESS_POINT:
-            message = f"`{name}` is a station: the key of the site's network is declared at its access point"
+            message = f"`{name}` is a station: the key of the site's network belongs to its access point"
             yield draft.finding_at(part, (*_WIFI, "key"), message, "remove `key`, or write `role: access_point`")
         elif wifi.seen_from is not model.SeenFrom.GATEWAY:
-            message = f"the access point of `{name}` is joined by the laptop, which nobody configures"
+            message = f"the laptop joins the access point of `{name}`, and nothing configures the laptop"
             yield draft.finding_at(part, (*_WIFI, "key"), message, "remove `key`, or write `seen_from: gateway`")
         elif wifi.ssid is None:
-            message = f"the access point of `{name}` has a key and no name: a radio joins a network by its name"
-            yield draft.finding_at(part, (*_WIFI, "key"), message, "write its `ssid` beside it")
+            message = f"the access point of `{name}` has a key but no name: a radio joins a network by its name"
+            yield draft.finding_at(part, (*_WIFI, "key"), message, "add its `ssid` next to it")
         elif not is_passphrase(key):
             message = "the access point's key must have 8 to 63 printable ASCII characters"
-            yield draft.finding_at(part, (*_WIFI, "key"), message, "write the key that the vehicle has")
+            yield draft.finding_at(part, (*_WIFI, "key"), message, "write the key of the vehicle")
 
 
 def not_of_a_location(draft: _draft.Draft) -> Iterator[Finding]:
@@ -50,7 +50,7 @@ def not_of_a_location(draft: _draft.Draft) -> Iterator[Finding]:
         wifi = site.location.endpoints.wifi
         for key in ("key", "client"):
             if wifi is not None and getattr(wifi, key) is not None:
-                message = f"`{key}` is for the access point of a vehicle, and this is the location"
+                message = f"`{key}` is for the access point of a vehicle, but this is the location"
                 path = ("location", "endpoints", "wifi", key)
                 yield draft.finding_at(_draft.Part("site", name), path, message, f"remove `{key}`")
 
@@ -65,7 +65,7 @@ def require_distinct_ssids(draft: _draft.Draft) -> Iterator[Finding]:
         if other != name:
             where = draft.where(_draft.Part("vehicle", other), *_WIFI, "ssid")
             message = f"`{wifi.ssid}` is already the access point of `{other}` ({where}), for the same radio"
-            hint = "give each access point a name of its own, on the vehicle as well; or another `interface`"
+            hint = "give each access point its own name, also on the vehicle; or another `interface`"
             yield draft.finding_at(_draft.Part("vehicle", name), (*_WIFI, "ssid"), message, hint)
 
 
@@ -77,9 +77,9 @@ def addresses(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         client, path = wifi.client, (*_WIFI, "client")
         if wifi.key is None:
-            message = "`client` is the address of the gateway's radio, which is configured only with a `key`"
+            message = "`client` is the address of the gateway's radio, which is configured only if there is a `key`"
             yield draft.finding_at(
-                part, path, message, "write the `key` of the access point beside it, or remove `client`"
+                part, path, message, "add the `key` of the access point next to it, or remove `client`"
             )
         if why := why_unusable(client.address, client.network):
             yield draft.finding_at(part, (*path, "address"), f"{client.address} {why}", example_in(client.network))
@@ -99,8 +99,8 @@ def radios(draft: _draft.Draft) -> Iterator[Finding]:
         tested_vehicles = draft.sites[site].checklist.vehicles if site in draft.sites else None
         for name, wifi, _ in _vehicle_networks(draft):
             if wifi.interface in _lan_interfaces(gateway) and (tested_vehicles is None or name in tested_vehicles):
-                message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, and no radio"
-                hint = "write the name of a radio: `iw dev` on the gateway lists them, like wlan0"
+                message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, not a radio"
+                hint = "write the name of a radio, for example wlan0: `iw dev` on the gateway lists them"
                 yield draft.finding_at(_draft.Part("vehicle", name), (*_WIFI, "interface"), message, hint)
 
 
@@ -116,15 +116,15 @@ def check_access_point(draft: _draft.Draft) -> Iterator[Finding]:
         if radio is None:
             continue
         if radio.standard == "802.11ax":
-            message = "hostapd 2.9, which Ubuntu 20.04 has, does not know 802.11ax"
+            message = "hostapd 2.9 of Ubuntu 20.04 does not support 802.11ax"
             yield draft.finding_at(part, ("access_point", "standard"), message, "choose 802.11ac or an older standard")
         if radio.width_mhz != _WIDTH_MHZ:
-            message = f"this toolkit sets up a gateway's access point with {_WIDTH_MHZ} MHz alone"
-            yield draft.finding_at(part, ("access_point", "width_mhz"), message, "leave `width_mhz` out")
+            message = f"this toolkit supports only {_WIDTH_MHZ} MHz for the access point of a gateway"
+            yield draft.finding_at(part, ("access_point", "width_mhz"), message, "remove `width_mhz`")
         for name in ("tx_power_dbm", "antenna_gain_dbi"):
             if getattr(radio, name) is not None:
-                message = f"hostapd sets no power: `{name}` would do nothing on a gateway"
-                hint = f"leave `{name}` out: the radio keeps to the country's limit"
+                message = f"hostapd does not set the power: `{name}` would have no effect on a gateway"
+                hint = f"remove `{name}`: the radio keeps to the limit of the country"
                 yield draft.finding_at(part, ("access_point", name), message, hint)
         if why := why_unusable(radio.address, radio.network):
             path = ("access_point", "address")
@@ -144,10 +144,12 @@ def require_one_use_per_radio(draft: _draft.Draft) -> Iterator[Finding]:
             if wifi.interface == name and (tested_vehicles is None or key in tested_vehicles)
         ]
         if name in _lan_interfaces(gateway):
-            message = f"`{name}` is the interface of the LAN, and no radio"
-            yield draft.finding_at(_draft.Part("device", host), path, message, "write the name of a radio, like wlan3")
+            message = f"`{name}` is the interface of the LAN, not a radio"
+            yield draft.finding_at(
+                _draft.Part("device", host), path, message, "write the name of a radio, for example wlan3"
+            )
         elif joins:
-            message = f"`{name}` joins the access point of `{joins[0]}`: one radio does not open a network as well"
+            message = f"`{name}` joins the access point of `{joins[0]}`: one radio cannot open a network as well"
             yield draft.finding_at(
                 _draft.Part("device", host), path, message, "name another radio, here or at the vehicle"
             )

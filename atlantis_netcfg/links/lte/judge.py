@@ -77,7 +77,7 @@ class LteReading:
 
 
 LOOK_FOR = (
-    "the SIM is found and asks for no PIN",
+    "the SIM is detected and does not ask for a PIN",
     "registered (home or roaming), with the operator's name",
     "APN as in the contract, and an IP address",
     "roaming as in the contract",
@@ -96,7 +96,7 @@ def manual_check_finding(address: str) -> status.LinkFinding:
     return status.LinkFinding(
         Verdict.INCONCLUSIVE,
         "look-yourself",
-        f"no driver for this 4G unit: a person must look at its own page, http://{address}/ or as its manual says",
+        f"this 4G unit has no driver: check it on its own page, http://{address}/ or as its manual says",
         "look for: " + "; ".join(LOOK_FOR),
     )
 
@@ -162,23 +162,25 @@ def _judge_unregistered(reading: LteReading, subscription: LteSubscription) -> s
         return _pin(reading, subscription)
     verdict, code, message, hint = _STATES[reading.state]
     if reading.last_error:
-        message = f"{message} (the device says: {reading.last_error})"
+        message = f"{message} (the device reports: {reading.last_error})"
     return status.LinkFinding(verdict, code, message, hint)
 
 
 def _pin(reading: LteReading, subscription: LteSubscription) -> status.LinkFinding:
     tries_text = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
     if reading.pin_refused:
-        message = f"the SIM has refused the PIN, and it is not tried again{tries_text}"
-        hint = "compare `sim.pin` with the SIM's letter; unlock the SIM in a telephone before the next run"
+        message = f"the SIM refused the PIN; it will not be tried again{tries_text}"
+        hint = "compare `sim.pin` with the letter of the SIM; unlock the SIM in a telephone before the next run"
         return status.LinkFinding(Verdict.FAIL, "pin-wrong", message, hint)
     if not subscription.pin_declared:
-        hint = "declare `sim.pin` (vaulted), or switch the PIN of the SIM off in a telephone"
+        hint = "set `sim.pin` (in the vault), or disable the SIM's PIN in a telephone"
         return status.LinkFinding(
-            Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{tries_text}", hint
+            Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN, but the inventory has none{tries_text}", hint
         )
-    message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{tries_text}"
-    hint = "run the site; if a run has tried it already, the PIN is wrong: do not try again before you know it"
+    message = f"the SIM asks for a PIN; a run that changes the device tries the one in the inventory once{tries_text}"
+    hint = (
+        "provision the site; if a run has already tried the PIN, it is wrong: find the right one before you try again"
+    )
     return status.LinkFinding(Verdict.FAIL, "pin-not-entered", message, hint)
 
 
@@ -186,14 +188,14 @@ _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
     Registration.SIM_PUK_REQUIRED: (
         Verdict.FAIL,
         "puk-needed",
-        "the SIM is locked after too many wrong PINs and asks for its PUK; nothing is tried",
-        "unlock it in a telephone with the PUK of the SIM's letter; ten wrong PUKs destroy the SIM",
+        "the SIM is locked after too many wrong PINs and asks for its PUK; the toolkit tries nothing",
+        "unlock it in a telephone with the PUK from the letter of the SIM; ten wrong PUKs destroy the SIM",
     ),
     Registration.SIM_MISSING: (
         Verdict.FAIL,
         "sim-missing",
-        "the unit finds no SIM",
-        "switch it off, seat the SIM in the slot that is in use (contacts as the unit's manual shows), switch it on",
+        "the unit detects no SIM",
+        "switch it off, insert the SIM in the slot in use (contacts as shown in the unit's manual), switch it on",
     ),
     Registration.DENIED: (
         Verdict.FAIL,
@@ -204,20 +206,20 @@ _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
     Registration.SEARCHING: (
         Verdict.FAIL,
         "searching",
-        "the unit searches for a network",
-        "wait two minutes; then check the antenna's cables, the declared bands, and the coverage of the operator here",
+        "the unit is searching for a network",
+        "wait two minutes; then check the antenna cables, the bands in the inventory and the operator's coverage here",
     ),
     Registration.DISABLED: (
         Verdict.FAIL,
         "disabled",
         "the unit's radio is switched off",
-        "run the site to enable it, or look who has disabled it",
+        "apply the site's configuration to enable it, or find out who disabled it",
     ),
     Registration.UNKNOWN: (
         Verdict.INCONCLUSIVE,
         "registration-unknown",
-        "the unit does not say in words that we know whether it is registered",
-        "open the unit's own page and read its state there",
+        "the unit reports an unknown registration state",
+        "read the state on the unit's own page",
     ),
 }
 
@@ -239,33 +241,36 @@ def _roaming(reading: LteReading, subscription: LteSubscription) -> Iterator[sta
         return
     where = reading.operator or reading.plmn or "a foreign network"
     if subscription.roaming:
-        message = f"the SIM roams in {where}: data may cost a multiple of the price at home"
+        message = f"the SIM roams in {where}: data may cost a multiple of the domestic price"
         yield status.LinkFinding(
-            Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer"
+            Verdict.WARN, "roaming-on", message, "check the price in the contract before a large transfer"
         )
     else:
-        message = f"the SIM is a foreign one in {where}, and roaming is not allowed: registered, but without data"
-        hint = "use a SIM of this country, or write `sim.roaming: true` if the contract pays for it"
+        message = f"the SIM is abroad in {where}, and roaming is not allowed: registered, but without data"
+        hint = "use a SIM of this country, or set `sim.roaming: true` if the contract covers it"
         yield status.LinkFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
 
 
 def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
     if subscription.apn is None:
-        hint = "declare `sim.apn` as the SIM's contract says"
+        hint = "set `sim.apn` as in the SIM's contract"
         if subscription.apn_required:
-            message = "a user or password of the subscription is declared, but not the APN they belong to"
+            message = "the inventory has a user or password of the subscription, but not its APN"
             yield status.LinkFinding(Verdict.FAIL, "apn-missing", message, hint)
         elif reading.apn is None and reading.address is None and not _is_roaming(reading):
             yield status.LinkFinding(
-                Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint
+                Verdict.FAIL, "apn-missing", "no APN in the inventory, and the unit has none of its own", hint
             )
     elif reading.network_apn and reading.apn is None:
-        message = f"the unit takes the network's APN, so the declared one, {subscription.apn}, may not be in use"
-        hint = "run the site, which switches `use-network-apn` off"
+        message = f"the unit uses the network's APN, so the one in the inventory, {subscription.apn}, may not be in use"
+        hint = "provision the site, which switches `use-network-apn` off"
         yield status.LinkFinding(Verdict.WARN, "apn-of-the-network", message, hint)
     elif reading.apn is not None and _bare(reading.apn) != _bare(subscription.apn):
-        message = f"the APN in use is {reading.apn}, the declared one is {subscription.apn}"
-        hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
+        message = f"the APN in use is {reading.apn}, the inventory has {subscription.apn}"
+        hint = (
+            "provision the site to set it; if it does not change, the network ignores the inventory's APN: ask "
+            "the operator"
+        )
         yield status.LinkFinding(Verdict.WARN, "apn-differs", message, hint)
 
 
@@ -277,7 +282,7 @@ def _bare(apn: str) -> str:
 def _address(reading: LteReading, subscription: LteSubscription) -> Iterator[status.LinkFinding]:
     if reading.address is not None or reading.is_connected or (_is_roaming(reading) and not subscription.roaming):
         return
-    message = "the unit is registered, but the network has given it no address (or it does not say so)"
+    message = "the unit is registered, but the network has assigned no address (or the unit does not report it)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"
     yield status.LinkFinding(Verdict.FAIL, "no-address", message, hint)
 
@@ -290,8 +295,8 @@ def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[statu
         and reading.band.startswith("B")
         and reading.band not in allowed_bands
     ):
-        message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(allowed_bands)}"
-        yield status.LinkFinding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
+        message = f"the band in use is {reading.band}, but the inventory allows {', '.join(allowed_bands)}"
+        yield status.LinkFinding(Verdict.WARN, "band-differs", message, "provision the site to set the bands")
 
 
 def _levels(reading: LteReading) -> Iterator[status.LinkFinding]:
@@ -308,6 +313,6 @@ def _levels(reading: LteReading) -> Iterator[status.LinkFinding]:
 
 _WEAK = {
     "rsrp": "move the antenna higher or into sight of the mast, and check its cables",
-    "rsrq": "the cell is loaded or disturbed: turn the antenna, or hold the unit to another band",
-    "sinr": "something disturbs the signal: turn the antenna away from other transmitters, or change the band",
+    "rsrq": "the cell is loaded or disturbed: turn the antenna, or restrict the unit to another band",
+    "sinr": "interference: turn the antenna away from other transmitters, or change the band",
 }

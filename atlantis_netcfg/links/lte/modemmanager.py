@@ -48,7 +48,7 @@ class Bus:
         except (OSError, ValueError, RuntimeError) as error:
             raise MmUnreachable(
                 f"no D-Bus on this computer ({type(error).__name__})",
-                hint="ModemManager lives in a Linux computer with D-Bus; another unit has another `driver`",
+                hint="ModemManager needs a Linux computer with D-Bus; another unit needs another `driver`",
             ) from error
         return self
 
@@ -82,8 +82,8 @@ class Bus:
             reply = connection.send_and_get_reply(message, timeout=self._timeout_s)
         except (TimeoutError, OSError) as error:
             raise MmUnreachable(
-                f"ModemManager does not answer within {self._timeout_s:g} s ({type(error).__name__})",
-                hint="look at `systemctl status ModemManager`",
+                f"ModemManager did not respond within {self._timeout_s:g} s ({type(error).__name__})",
+                hint="check `systemctl status ModemManager`",
             ) from error
         if reply.header.message_type is MessageType.error:
             raise _refusal(str(reply.header.fields.get(HeaderFields.error_name, "")))
@@ -93,12 +93,12 @@ class Bus:
 def _refusal(name: str) -> MmUnreachable:
     if name.endswith((".ServiceUnknown", ".NameHasNoOwner")):
         return MmUnreachable(
-            "ModemManager does not run on this computer",
-            hint="start it (`sudo systemctl start ModemManager`), or write the `driver` that fits the unit",
+            "ModemManager is not running on this computer",
+            hint="start it (`sudo systemctl start ModemManager`), or set the `driver` of the unit",
         )
     return MmUnreachable(
-        f"ModemManager refused to be read ({name.rpartition('.')[2] or 'no reason given'})",
-        hint="may this user read it? Try `mmcli -L` as the same user",
+        f"ModemManager refused access ({name.rpartition('.')[2] or 'no reason given'})",
+        hint="this user may lack permission: try `mmcli -L` as the same user",
     )
 
 
@@ -259,8 +259,8 @@ _LINK = "org.freedesktop.ModemManager1.Bearer"
 NO_SIGNAL = LinkFinding(
     Verdict.INCONCLUSIVE,
     "signal-not-set-up",
-    "ModemManager gives no signal figures, because nobody has told it to ask for them",
-    "that is a setting, which a look does not make: type `mmcli -m any --signal-setup=30` once, then look again",
+    "ModemManager reports no signal values because signal polling is off",
+    "a check changes no settings: type `mmcli -m any --signal-setup=30` once, then check again",
 )
 
 
@@ -279,10 +279,10 @@ def read(address: str | None = None, *, timeout_s: float = TIMEOUT_S) -> MmLook:
     with Bus(address, timeout_s=timeout_s) as bus:
         modems = {path: properties for path, properties in bus.objects().items() if MODEM in properties}
         if len(modems) != 1:
-            problem = "no modem" if not modems else f"{len(modems)} modems, and the declaration does not tell which"
+            problem = "no modem" if not modems else f"{len(modems)} modems, and the inventory does not say which"
             raise MmUnreachable(
                 f"ModemManager has {problem}",
-                hint="look at `mmcli -L`: is the modem plugged in, and only the one of this site?",
+                hint="check `mmcli -L`: only the modem of this site must be plugged in",
             )
         (interfaces,) = modems.values()
         paths = interfaces[MODEM].get("Bearers") or []

@@ -156,7 +156,7 @@ class RutosWire:
             text = response.read(_LARGEST + 1)
         if len(text) > _LARGEST:
             self.close()
-            raise RutosError(f"{self._endpoint}: the answer to {path} is larger than {_LARGEST} bytes")
+            raise RutosError(f"{self._endpoint}: the response to {path} is larger than {_LARGEST} bytes")
         return response.status, text
 
     @contextmanager
@@ -186,8 +186,8 @@ class RutosWire:
         if late.is_set():
             self.close()
             raise RutosUnreachable(
-                f"{self._endpoint}: the 4G unit has not ended its answer within {longest_s:g} s",
-                hint="is this the unit that is declared? Switch it off and on",
+                f"{self._endpoint}: the 4G unit did not complete its response within {longest_s:g} s",
+                hint="check that this is the unit in the inventory, then switch it off and on",
             )
 
     def _open(self) -> http.client.HTTPSConnection:
@@ -229,24 +229,25 @@ class RutosWire:
         fingerprint = hashlib.sha256(der).hexdigest()
         if self._endpoint.pin is None:
             raise CertificateUnknown(
-                f"{self._endpoint}: its certificate is not known here, so it was told no password; "
-                f"it showed {fingerprint}",
+                f"{self._endpoint}: unknown certificate; no password was sent; its fingerprint is {fingerprint}",
                 fingerprint=fingerprint,
-                hint=f"{TRUST}; or declare `fingerprint: {fingerprint}` under its `access`",
+                hint=f"{TRUST}; or set `fingerprint: {fingerprint}` under its `access`",
             )
         if self._endpoint.pin != fingerprint:
             raise CertificateMismatch(
-                f"{self._endpoint}: the certificate is not the one of this unit; "
-                f"pinned is {self._endpoint.pin}, it showed {fingerprint}",
-                hint="another device at this address, a reset unit, or somebody in between: no password was sent to it;"
-                f" only if you have reset it: {TRUST}",
+                f"{self._endpoint}: the certificate is not the one of this unit; pinned {self._endpoint.pin}, "
+                f"presented {fingerprint}",
+                hint=(
+                    "another device has this address, the unit was reset, or somebody intercepts the connection: "
+                    f"no password was sent; only if you have reset it: {TRUST}"
+                ),
             )
 
     def _unreachable(self, error: BaseException) -> RutosUnreachable:
         why = (isinstance(error, OSError) and error.strerror) or type(error).__name__
         return RutosUnreachable(
-            f"{self._endpoint}: the 4G unit does not answer ({why})",
-            hint="has it power, and does its own page open in a browser at that address?",
+            f"{self._endpoint}: the 4G unit does not respond ({why})",
+            hint="check that it is powered and that its own page opens in a browser at that address",
         )
 
 

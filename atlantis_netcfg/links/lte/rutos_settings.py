@@ -110,11 +110,11 @@ def why_pin_blocks(reading: LteReading, settings: LteSettings, sections: Section
     pin = None if settings.pin is None else settings.pin.reveal()
     saved_pin = _slot(sections, _place(reading))[1].get(PIN)
     reasons = (
-        (pin is None, "the SIM asks for a PIN and none is declared"),
+        (pin is None, "the SIM asks for a PIN, but the inventory has none"),
         (pin_refusal, pin_refusal),
-        (reading.pin_refused, "the SIM has refused the PIN"),
-        (saved_pin == pin, "the unit has the declared PIN saved, and the SIM still asks for one: it is wrong"),
-        ((reading.pin_tries_left or 3) < _A_PERSONS, "the SIM has one try left, which is a person's"),
+        (reading.pin_refused, "the SIM refused the PIN"),
+        (saved_pin == pin, "the unit has the inventory's PIN stored, and the SIM still asks for one: the PIN is wrong"),
+        ((reading.pin_tries_left or 3) < _A_PERSONS, "the SIM has one PIN try left, which is reserved for a person"),
     )
     return next((reason for holds, reason in reasons if holds), None)
 
@@ -135,7 +135,7 @@ def changes(reading: LteReading, settings: LteSettings, sections: Sections) -> t
         if not change.value.isprintable() or "'" in change.value or "\\" in change.value:
             name = "the value" if change.secret else f"`{change.value}`"
             raise SettingError(
-                f"{name} of {change.package}.{change.section}.{change.option} has a quote, a backslash or a "
+                f"{name} of {change.package}.{change.section}.{change.option} contains a quote, a backslash or a "
                 "control character",
                 hint="set it on the unit's own page",
             )
@@ -184,8 +184,10 @@ def _card(sections: Sections, place: str, settings: LteSettings, reading: LteRea
     if not name:
         raise SettingError(
             f"the unit has no section `sim` for slot {place} in its configuration `simcard`",
-            hint="its firmware keeps this elsewhere: set it on the unit's own page, and take `admin_user` out of "
-            "`access`, so that it is only checked",
+            hint=(
+                "its firmware stores this elsewhere: set it on the unit's own page, and remove `admin_user` from "
+                "`access`, so that it is only checked"
+            ),
         )
     deny_roaming = "0" if settings.roaming else "1"
     if (options.get("deny_roaming") or "0") != deny_roaming:
@@ -210,8 +212,10 @@ def _mobile(sections: Sections, place: str) -> tuple[str, Mapping[str, str]]:
             return name, options
     raise SettingError(
         f"the unit has no mobile interface for slot {place} in its configuration `network`",
-        hint="its firmware keeps this elsewhere: set it on the unit's own page, and take `admin_user` out of `access`, "
-        "so that it is only checked",
+        hint=(
+            "its firmware stores this elsewhere: set it on the unit's own page, and remove `admin_user` from "
+            "`access`, so that it is only checked"
+        ),
     )
 
 

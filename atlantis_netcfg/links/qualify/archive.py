@@ -40,7 +40,7 @@ def folder_of(store: Store, site: str) -> Path:
     try:
         return store.root / component(site) / "qualify"
     except ValueError as error:
-        raise UsageError(f"`{site}` cannot be the name of a site", hint="type its name: `site=coastal`") from error
+        raise UsageError(f"`{site}` is not a valid site name", hint="type its name: `site=coastal`") from error
 
 
 def stored_runs(store: Store, site: str, link: str | None = None) -> list[SavedRun]:
@@ -65,7 +65,7 @@ def find_run(store: Store, site: str, run: str) -> SavedRun:
         option = " --rehearse" if store.is_rehearsal else ""
         near = nearest(run, names)
         suggestion = f"did you mean `{near}`? " if near else ""
-        hint = f"{suggestion}`provision measure history site={site}{option}` lists them" if names else None
+        hint = f"{suggestion}`provision measure history site={site}{option}` lists the measurements" if names else None
         raise NoSuchRun(f"{site} has no measurement `{run}`", hint=hint)
     return SavedRun(folder / run, _run(folder / run))
 
@@ -75,8 +75,8 @@ def _run(folder: Path) -> measured_run.MeasuredRun:
         return measured_run.read_run(folder)
     except (OSError, ValueError) as error:
         raise DamagedStateError(
-            f"the measurement in {folder} is damaged, or of another version",
-            hint="put this folder aside, and type the same again",
+            f"the measurement in {folder} is damaged or was written by another version",
+            hint="move this folder away and run the same command again",
         ) from error
 
 
@@ -89,7 +89,7 @@ def samples_of(folder: Path) -> list[Sample]:
     except FileNotFoundError:
         return []
     except (OSError, UnicodeDecodeError) as error:
-        hint = "put this folder aside, and type the same again"
+        hint = "move this folder away and run the same command again"
         raise DamagedStateError(f"the samples in {folder} are damaged", hint=hint) from error
 
 

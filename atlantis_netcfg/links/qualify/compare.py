@@ -26,8 +26,8 @@ class FigureTrend(StrEnum):
 
     BETTER = "better"
     WORSE = "worse"
-    ALIKE = "alike"
-    UNKNOWN = "not known"
+    ALIKE = "same"
+    UNKNOWN = "unknown"
     """At least one of the runs does not have this figure."""
 
 
@@ -70,7 +70,11 @@ HEADLINES: Final = (
     Headline("loss_up", "loss up", "", lambda r: _idle_figure(r, lambda t: loss_shares(t)[0]), resolution=0.002),
     Headline("loss_down", "loss down", "", lambda r: _idle_figure(r, lambda t: loss_shares(t)[1]), resolution=0.002),
     Headline(
-        "loss", "loss, both ways together", "", lambda r: _idle_figure(r, lambda t: t.loss.share), resolution=0.002
+        "loss",
+        "loss, both directions together",
+        "",
+        lambda r: _idle_figure(r, lambda t: t.loss.share),
+        resolution=0.002,
     ),
     Headline(
         "jitter_up",
@@ -88,7 +92,9 @@ HEADLINES: Final = (
     Headline("goodput_up", "goodput up", "bit/s", lambda r: _goodput(r, "up"), higher_is_better=True),
     Headline("goodput_down", "goodput down", "bit/s", lambda r: _goodput(r, "down"), higher_is_better=True),
     Headline("path_mtu_up", "path MTU up", "octets", lambda r: r.run.path_mtu_up, higher_is_better=True),
-    Headline("path_mtu_both", "path MTU, both ways", "octets", lambda r: r.run.path_mtu_both, higher_is_better=True),
+    Headline(
+        "path_mtu_both", "path MTU, both directions", "octets", lambda r: r.run.path_mtu_both, higher_is_better=True
+    ),
 )
 
 
@@ -142,7 +148,7 @@ def _facts(first: MeasuredRun, second: MeasuredRun) -> Iterator[FactChange]:
 
 def clock_words(run: MeasuredRun) -> str:
     """Return the clock's synchronisation as text."""
-    return "synchronised" if run.clock_synchronised else "not known to be synchronised"
+    return "synchronised" if run.clock_synchronised else "unknown whether it is synchronised"
 
 
 def _change(item: Headline, first: float | None, second: float | None) -> FigureChange:
@@ -161,16 +167,16 @@ def _remarks(first: QualifyRecord, second: QualifyRecord) -> Iterator[str]:
     if earlier.link != later.link:
         yield f"the links differ: {earlier.link} and {later.link}"
     if earlier.emulated != later.emulated:
-        yield "one of them was measured over an emulated link: it says nothing of a real one"
+        yield "one of them was measured over an emulated link: it does not apply to a real link"
     elif earlier.emulated:
-        yield "both were measured over an emulated link: they say nothing of a real one"
+        yield "both were measured over an emulated link: they do not apply to a real link"
     if earlier.far_end.over_vpn != later.far_end.over_vpn:
         yield "one of them went through the VPN, and the other did not"
     if (earlier.far_end.address, earlier.far_end.port) != (later.far_end.address, later.far_end.port):
         yield f"the far ends differ: {earlier.far_end.name} and {later.far_end.name}"
     trains = [train for record in (first, second) if (train := record.idle) is not None]
     if len({(train.size, train.interval_s) for train in trains}) > 1:
-        yield "the trains without load differ in size or interval"
+        yield "the packet trains without load differ in size or interval"
     least = 0 if len(trains) < 2 else min(train.loss.sent for train in trains)  # noqa: PLR2004 - two runs
     if least < max(first.thresholds.min_samples, second.thresholds.min_samples):
         yield f"one of them has only {least} packets without load"

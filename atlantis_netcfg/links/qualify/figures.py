@@ -256,26 +256,26 @@ def _direction(
     """Split the loss by direction, from the reflector's counters or its sequence numbers (RFC 8762, 4.3.1)."""
     numbers = [pair.reflector_sequence for pair in pairs]
     if len(set(numbers)) != len(numbers):
-        return None, None, "the reflector began to count again in this train"
+        return None, None, "the reflector restarted its count during this packet train"
     if counters is not None and not in_flight:
         arrived_count = counters.received - counters.duplicates
         if len(pairs) <= arrived_count <= sent_count:
             return sent_count - arrived_count, lost_count - (sent_count - arrived_count), "by the reflector's count"
-        return None, None, "the reflector's count does not agree with what was sent"
-    return (0, 0, "nothing was lost") if not lost_count else _split_by_sequence(lost_count, pairs)
+        return None, None, "the reflector's count does not match what was sent"
+    return (0, 0, "nothing lost") if not lost_count else _split_by_sequence(lost_count, pairs)
 
 
 def _split_by_sequence(lost_count: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None, int | None, str]:
     """Split the loss by the reflector's sequence numbers, if it reported no counters."""
     if not pairs:
-        return None, None, "nothing was answered"
+        return None, None, "no responses"
     if all(pair.sequence == pair.reflector_sequence for pair in pairs):
-        return None, None, "the reflector may only copy the sender's numbers"
+        return None, None, "the reflector may merely copy the sender's numbers"
     last = max(pair.reflector_sequence for pair in pairs)
     down = last + 1 - len(pairs)
     up = max(0, max(pair.sequence for pair in pairs) - last)
     if up + down != lost_count:
-        return None, None, f"of {lost_count - up - down} packets at the end nobody knows where they were lost"
+        return None, None, f"{lost_count - up - down} packets at the end were lost in an unknown direction"
     return up, down, "by the reflector's sequence numbers"
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.transfers import MessageFigures
 
 SHAPE_UNKNOWN: Final = (
-    "Of Tables 33 and 34 of the report only the titles are known; these sizes and rates are a proposal."
+    "Only the titles of Tables 33 and 34 of the report are known; these sizes and rates are a proposal."
 )
 RTPS_OCTETS: Final = 72
 """Octets that RTPS adds to a small sample: 60 to 80 were measured."""
@@ -115,9 +115,9 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
     down = None if loss.down is None or not reached_count else loss.down / reached_count
     verdict, reason = Verdict.PASS, "sustained"
     if rtt is None or not known_count:
-        verdict, reason = Verdict.INCONCLUSIVE, "nothing was answered"
+        verdict, reason = Verdict.INCONCLUSIVE, "no responses"
     elif loss.limited:
-        verdict, reason = Verdict.INCONCLUSIVE, "the reflector refused packets for its rate"
+        verdict, reason = Verdict.INCONCLUSIVE, "the reflector refused packets above its rate limit"
     elif (lossy := max(flr.both if flr.up is None else flr.up, flr.down or 0.0) > search.MAX_LOSS) and (
         loss.lost - flr.in_gaps >= search.MIN_LOST
     ):

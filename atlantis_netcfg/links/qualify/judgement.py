@@ -72,7 +72,7 @@ def profiles() -> Mapping[str, QualifyProfile]:
 def profile(name: str) -> QualifyProfile:
     """Return a profile of thresholds by name; raise NoSuchProfile."""
     if name not in profiles():
-        raise NoSuchProfile(f"no profile of thresholds is named `{name}`", hint=f"take one of: {', '.join(profiles())}")
+        raise NoSuchProfile(f"unknown threshold profile `{name}`", hint=f"choose one of: {', '.join(profiles())}")
     return profiles()[name]
 
 
@@ -88,10 +88,14 @@ def judge(
     span_s = known_count * idle.interval_s
     if idle.rtt is None:
         return [_silence(idle, limits, span_s)]
-    few = f"only {known_count} packets, {limits.min_samples} are needed" if known_count < limits.min_samples else ""
+    few = (
+        f"only {known_count} packets, at least {limits.min_samples} are needed"
+        if known_count < limits.min_samples
+        else ""
+    )
     seldom = few
     if not few and 2 * idle.rtt.n < limits.min_samples:
-        seldom = f"only {idle.rtt.n} answers, {-(-limits.min_samples // 2)} are needed"
+        seldom = f"only {idle.rtt.n} responses, at least {-(-limits.min_samples // 2)} are needed"
     judgements = [_judge_maximum("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
     for way, variation in (("up", idle.up), ("down", idle.down)):
         value = None if variation is None else variation.above_min.p95
@@ -103,7 +107,7 @@ def judge(
     judgements.append(
         _judge_minimum("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if can_see_gaps else None, limits.avail, few)
     )
-    doubt = "what was offered is not known" if load is None else load.doubt(idle.flr.share_up)
+    doubt = "the offered rate is unknown" if load is None else load.doubt(idle.flr.share_up)
     judgements.append(_buffer_delay(idle, under_load, limits, doubt))
     return judgements
 
@@ -111,8 +115,8 @@ def judge(
 def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterator[Judgement]:
     """Judge the loss outside of gaps; gaps are judged by their length and by the availability."""
     flr, loss, least = idle.flr, idle.loss, -(-limits.min_samples // 2)
-    rate_doubt = f"the reflector refused {loss.limited} packets for its rate" if loss.limited else ""
-    rest = f"only {flr.packets} packets outside of gaps, {least} are needed" if flr.packets < least else ""
+    rate_doubt = f"the reflector refused {loss.limited} packets above its rate limit" if loss.limited else ""
+    rest = f"only {flr.packets} packets outside of gaps, at least {least} are needed" if flr.packets < least else ""
 
     def judge_share(name: str, share: float | None, doubt: str) -> Judgement:
         return _judge_maximum(
@@ -120,7 +124,7 @@ def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterato
         )
 
     if flr.up is None:
-        yield judge_share(f"FLR, both ways ({loss.why})", flr.both, few or rate_doubt)
+        yield judge_share(f"FLR, both directions ({loss.why})", flr.both, few or rate_doubt)
     else:
         yield judge_share("FLR up", flr.up, few or rate_doubt)
         yield judge_share("FLR down", flr.down, few)
@@ -130,17 +134,17 @@ def _longest_gap(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> J
     longest, at_most, doubt = idle.gaps.longest_s, idle.gaps.at_most_s, ""
     if longest <= limits.gap_s:
         if span_s <= limits.gap_s:
-            doubt = f"a gap of {limits.gap_s:g} s cannot be seen in {span_s:.3g} s"
+            doubt = f"a gap of {limits.gap_s:g} s cannot be detected in {span_s:.3g} s"
         elif at_most is None or at_most > limits.gap_s:
-            doubt = "a gap at the beginning or the end of the train may have been longer"
+            doubt = "a gap at the beginning or end of the packet train may have been longer"
     return _judge_maximum("longest gap", longest, limits.gap_s, "s", doubt)
 
 
 def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judgement:
     proves = span_s >= SILENCE_S
-    reason = f"nothing was answered for {span_s:.0f} s"
+    reason = f"no response for {span_s:.0f} s"
     if not proves:
-        reason += f"; a gap of a satellite may be as long, so at least {SILENCE_S:.0f} s are needed"
+        reason += f"; a satellite gap may last as long, so at least {SILENCE_S:.0f} s are needed"
     gap = idle.gaps.longest_s
     return Judgement(
         "AVAIL", 0.0 if gap else None, limits.avail, "", Verdict.FAIL if proves else Verdict.INCONCLUSIVE, reason
@@ -170,4 +174,4 @@ def _judgement(  # noqa: PLR0913 - what it is made of
     if doubt:
         return Judgement(name, value, limit, unit, Verdict.INCONCLUSIVE, doubt)
     verdict = Verdict.PASS if holds else Verdict.FAIL
-    return Judgement(name, value, limit, unit, verdict, "within the limit" if holds else "beyond the limit")
+    return Judgement(name, value, limit, unit, verdict, "within the limit" if holds else "outside the limit")

@@ -42,8 +42,8 @@ _RATE: Final = re.compile(r"rate (\d+) (\S+)")
 _WITH_LOAD: Final = frozenset({Selection.THROUGHPUT, Selection.ALL})
 _UNDER_LOAD: Final = "buffer delay"
 """Prefix of the criterion that needs a load."""
-FAR_END_LIMIT: Final = "as much as the far end sends: the link may carry more"
-_NO_REFERENCE: Final = "nothing without load was measured to compare with"
+FAR_END_LIMIT: Final = "limited by the far end's sending rate: the link may carry more"
+_NO_REFERENCE: Final = "no measurement without load to compare with"
 
 
 @dataclass(frozen=True, slots=True)

@@ -166,6 +166,6 @@ def read(lines: Iterable[str], name: str = "samples") -> Iterator[Sample]:
             yield _KINDS[kind](**data)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise SamplesUnreadable(
-                f"{name}:{number}: this line is no sample of a measurement",
-                hint="take the file as it was written: nothing in it is meant to be edited",
+                f"{name}:{number}: this line is not a measurement sample",
+                hint="use the original file: it must not be edited",
             ) from error

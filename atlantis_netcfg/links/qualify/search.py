@@ -37,7 +37,7 @@ class RateLimit(StrEnum):
     LOSS = "loss"
     LATENCY = "latency"
     QUEUE = "the queue grows"
-    SILENCE = "no answer"
+    SILENCE = "no response"
     BUDGET = "the budget"
     HIGHEST = "no higher rate was tried"
 

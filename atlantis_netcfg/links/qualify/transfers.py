@@ -64,7 +64,7 @@ class MessageFigures:
         """Return why the goodput does not describe the link, given its loss share without load; empty if it does."""
         offered_bps, planned_bps = self.offered_bps, self.planned_bps
         if offered_bps is None or planned_bps is None:
-            return "what was offered is not known"
+            return "the offered rate is unknown"
         if offered_bps < _FULL_SHARE * planned_bps:
             return f"the sender fell behind: it offered {offered_bps / 1000:.0f} of {planned_bps / 1000:.0f} kbit/s"
         if (self.receiver_bps or 0.0) > _FULL_SHARE * (1 - loss) * offered_bps:

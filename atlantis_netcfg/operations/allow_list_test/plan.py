@@ -42,12 +42,12 @@ _READ, _READ_TARGET, _READ_LINK = 1_800, 350, 350
 Measured on emulated routers: 3.1 kB with 3 targets and 2 links, 3.8 kB with 3 links; a test checks the sum.
 """
 _LOGIN, _TERMINAL, _PING, _ROWS = 100, 700, 200, 2_000
-_NO_TCP = "a TCP connection needs a row of netwatch for a moment"
-_NO_VPN = "this computer has to ask it over that link, which needs a routing rule for a moment"
-_NO_TIME = "the time client has to be made to ask over it, which needs a routing rule for a moment"
-_FOLLOWS = "the router sends to the VPN's address over the best link, which is not the satellite now"
-_QUIET = "the satellite does not carry the traffic now, so nothing asks this target over it"
-_NO_UDP = "silence of UDP proves nothing, and nothing of the router's asks this target; try it by hand"
+_NO_TCP = "a TCP connection needs a temporary netwatch row"
+_NO_VPN = "this computer's test over that link needs a temporary routing rule"
+_NO_TIME = "a time request over it needs a temporary routing rule"
+_FOLLOWS = "the router reaches the VPN server over the best link, which is not the satellite now"
+_QUIET = "the satellite is not the active link now, so nothing contacts this target over it"
+_NO_UDP = "no UDP response proves nothing, and the router itself does not use this target; test it by hand"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,11 +97,11 @@ class _ProbeContext:
     def hint(self, why_not: str) -> str:
         """Return the command that makes a target testable; empty if there is none."""
         if why_not in {_NO_TCP, _NO_TIME, _NO_VPN}:
-            return "`provision measure satellite site=… --try-all` tries it"
+            return "`provision measure satellite site=… --try-all` tests it"
         if why_not in {_QUIET, _FOLLOWS}:
             return (
-                f"`provision links use site=… link={self.link} for=10m --unproved` puts it in use; then type the "
-                "same again"
+                f"`provision links use site=… link={self.link} for=10m --unproved` makes it the active link; then "
+                "run the same command again"
             )
         return ""
 
@@ -271,9 +271,10 @@ def read(port: str, replies: Sequence[Reply]) -> CounterReading:
     interface = next((row for row in interfaces if row.get("default-name") == port), None)
     if interface is None or "rx-byte" not in interface or "tx-byte" not in interface:
         raise DeviceError(
-            f"the router tells no byte counters of port {port}, and without them nothing is sent",
+            f"the router reports no byte counters for port {port}; without them nothing is sent",
             hint=(
-                "is the socket of the satellite's cable declared as its port? `provision report drift site=…` compares"
+                "does the inventory have the right port for the satellite's cable? `provision report drift site=…` "
+                "compares it"
             ),
         )
     return CounterReading(

@@ -58,15 +58,15 @@ async def _take_safe_mode(session: api.Session) -> None:
         await safe_mode.ApiSafeMode().take(session)
     except safe_mode.SafeModeUnavailable as unavailable:
         raise errors.DeviceError(
-            f"safe mode could not be taken, so nothing was changed for the proof: {unavailable.reason}",
-            hint="it needs RouterOS 7.18 or later, and nobody else may hold it",
+            f"cannot enter safe mode, so nothing was changed for the test: {unavailable.reason}",
+            hint="it needs RouterOS 7.18 or later, and no other session may hold it",
         ) from unavailable
 
 
 def _first_rule_id(reading: plan.CounterReading, chain: str) -> str:
     rows = reading.chain(chain)
     if not rows or ".id" not in rows[0]:
-        raise errors.DeviceError(f"the router has no chain {chain}: provision the site first")
+        raise errors.DeviceError(f"the router has no chain {chain}: run provision for the site first")
     return rows[0][".id"]
 
 
@@ -87,9 +87,11 @@ async def _close(session: api.Session, rows: Sequence[api.Command], replies: Seq
     await session.flight([safe_mode.UNROLL])
     if not await _is_clean(session, rows):
         raise errors.OutcomeUnknown(
-            "the router does not say that the rows of the proof are gone",
-            hint=f"remove the rows that say `{plan.MARK}`; or run the site, which removes them, too:"
-            " `provision site=…`",
+            "the router does not confirm that the test rows are removed",
+            hint=(
+                f"remove the rows with comment `{plan.MARK}`, or run the site, which also removes them: `provision "
+                "site=…`"
+            ),
         )
 
 
@@ -170,12 +172,12 @@ def outcome(
     is_counted = task not in answering_tasks or now.answers(back, task) > before.answers(back, task)
     elsewhere = task.probe is satellite.SatelliteProbe.TCP and was_sent is False
     if elsewhere or (task.probe is satellite.SatelliteProbe.VPN and not (was_sent and is_counted)):
-        how = "it answered" if task in answering_tasks else "it was asked"
-        return satellite.ProbeOutcome.NOT_TRIED, f"{how}, but the router has counted nothing to it over the satellite"
+        how = "it responded" if task in answering_tasks else "it was contacted"
+        return satellite.ProbeOutcome.NOT_TRIED, f"{how}, but the router counted no traffic to it over the satellite"
     if task in answering_tasks:
         return satellite.ProbeOutcome.ANSWERED, ""
     if task.probe is satellite.SatelliteProbe.TIME and now.questions(out, task) <= before.questions(out, task):
-        return satellite.ProbeOutcome.NOT_TRIED, "the time client did not ask it, although it was switched off and on"
+        return satellite.ProbeOutcome.NOT_TRIED, "the time client sent no request, although it was restarted"
     if task.expectation is satellite.ExpectedOutcome.REFUSED and now.drop_count(out) > before.drop_count(out):
         return satellite.ProbeOutcome.REFUSED_HERE, ""
     return satellite.ProbeOutcome.SILENT, ""
@@ -252,7 +254,7 @@ class Proof:
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterable[str]:
-        carries = "carries the traffic now" if self.active else "does not carry the traffic now"
+        carries = "is the active link" if self.active else "is not the active link"
         yield f"{self.site}, {self.link}: {carries}"
         for finding in (*(finding for _, finding in self.results), *self.findings):
             yield f"  {finding.verdict.value:<12} {finding.message}"
@@ -267,11 +269,11 @@ class Proof:
         ]
         good_count = sum(verdict in _GOOD for verdict in tried_verdicts)
         yield (
-            f"  {good_count} of {len(self.results)} targets proved, "
-            f"{len(self.results) - len(tried_verdicts)} could not be tried"
+            f"  {good_count} of {len(self.results)} targets proved, {len(self.results) - len(tried_verdicts)} could "
+            "not be tested"
         )
-        traffic = f"{self.bytes_counted} bytes on the satellite's port meanwhile (asking stops at {self.budget_bytes})"
-        yield f"  the router counted {traffic}; kept off {self.kept_off} packets, turned away {self.turned_away}"
+        traffic = f"{self.bytes_counted} bytes on the satellite port during the test (limit {self.budget_bytes})"
+        yield f"  the router counted {traffic}; blocked {self.kept_off} packets, dropped {self.turned_away}"
 
 
 def _result(attempt: satellite.Attempt, finding: LinkFinding) -> dict[str, Any]:
@@ -326,7 +328,9 @@ class Proving:
     """Link that carries the session to the router."""
     open_filter: bool = False
     try_all: bool = False
-    vpn: VpnQuestion | errors.NetcfgError = field(default_factory=lambda: errors.NetcfgError("nothing here can ask it"))
+    vpn: VpnQuestion | errors.NetcfgError = field(
+        default_factory=lambda: errors.NetcfgError("no test is available for it")
+    )
     """Request to the VPN server over an idle link, or the error that says why it is not possible."""
     pace: ProofPace = ProofPace()
     notify: events.Subscriber = lambda _event: None
@@ -431,7 +435,7 @@ class Proving:
         if target is None:
             return ""
         command = f"provision measure link site={self.site} link={self.link.name}"
-        return f"{target.name} ({target.address} udp {target.port}): `{command}` tries it"
+        return f"{target.name} ({target.address} udp {target.port}): `{command}` tests it"
 
     def _judge(self, attempt: satellite.Attempt, *, link_seen: bool) -> LinkFinding:
         finding = satellite.judge_attempt(attempt, link_seen=link_seen)
@@ -446,12 +450,12 @@ class Proving:
 
     async def _terminal(self, session: api.Session, port: str) -> tuple[LinkFinding, ...]:
         """Check which device responds on the terminal's port: local, without airtime."""
-        self._say("who answers on the terminal's port")
+        self._say("device on the terminal's port")
         there = plan.ping(str(self.link.gateway), str(self.link.address), count=2)
         commands = [there, *(plan.factory_ping(address, port) for address in satellite.FACTORY_ADDRESSES)]
         gateway, *factory = await session.flight(commands)
         if trap := next((reply.trap for reply in factory if reply.trap is not None), None):
-            message = f"the router would not ask who is on {port}: {trap.message}"
+            message = f"the router refused to look up the device on {port}: {trap.message}"
             return (LinkFinding(events.Verdict.INCONCLUSIVE, "box-not-asked", message),)
         strangers = [
             address
@@ -478,7 +482,7 @@ class Proving:
                 turn and self._is_spent(now if now is not before else await self._read(session))
             ):
                 break
-            self._say(f"{len(remaining_tasks)} allowed targets have not answered yet", turn, self.pace.rounds)
+            self._say(f"{len(remaining_tasks)} allowed targets have not responded yet", turn, self.pace.rounds)
             pings = [task for task in remaining_tasks if task.probe is satellite.SatelliteProbe.ICMP]
             replies = await session.flight([plan.ping(task.address, str(self.link.address)) for task in pings])
             answers.update(
@@ -510,7 +514,7 @@ class Proving:
         if task.probe not in _COUNTER_PROBES:
             return _attempt(task, satellite.ProbeOutcome.SILENT, window_s=waited_s)
         earlier = before.answers(self._chains[1], task)
-        note = f"no answer of it was counted in {waited_s:.0f} s, {earlier} before that"
+        note = f"no response from it was counted in {waited_s:.0f} s, {earlier} before that"
         if task.probe is satellite.SatelliteProbe.TUNNEL and now.tunnel_up is not False:
             # A tunnel that is up, or that hangs on another box, need not say anything for so long.
             return replace(
@@ -521,7 +525,7 @@ class Proving:
 
     async def _refuse(self, session: api.Session, task: plan.Task) -> satellite.Attempt:
         """Probe with the filter closed: the router's drop counter shows that nothing was sent."""
-        self._say(f"{task.name}, which is to be refused")
+        self._say(f"{task.name}, which must be refused")
         before = await self._read(session)
         reply = await session.command(plan.ping(task.address, str(self.link.address), count=_REFUSALS))
         after = await self._read(session)
@@ -530,7 +534,7 @@ class Proving:
         chain = self._chains[0]
         if after.drop_count(chain) - before.drop_count(chain) >= _REFUSALS:
             return _attempt(task, satellite.ProbeOutcome.REFUSED_HERE)
-        return _attempt(task, satellite.ProbeOutcome.SILENT, note="the router's drop counter did not count it")
+        return _attempt(task, satellite.ProbeOutcome.SILENT, note="the router's drop counter did not increase")
 
     async def _beyond(self, session: api.Session, task: plan.Task) -> satellite.Attempt:
         """Probe with the filter open for this host, to see whether the terminal or the network enforces anything."""
@@ -566,7 +570,7 @@ class Proving:
             if server is not None and vpn is not None and (after_s := await vpn.answered_after_s()) is not None:
                 answers[server] = after_s
             for turn in range(rounds):
-                self._say(f"{len(todo) - len(answers)} targets by rows of a moment", turn, rounds)
+                self._say(f"{len(todo) - len(answers)} targets through temporary rows", turn, rounds)
                 await self.pace.sleep(pause_s)
                 waited_s += pause_s
                 now = await self._read(session)

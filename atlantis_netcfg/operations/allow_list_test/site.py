@@ -79,12 +79,12 @@ def satellite_of(inventory: Inventory, site: str, name: str | None) -> Satellite
 
 def _link(inventory: Inventory, site: str, name: str | None) -> Link:
     if site not in inventory.sites:
-        raise plan.NothingToProve("prove one site at a time", hint=f"the sites are: {', '.join(inventory.sites)}")
+        raise plan.NothingToProve("test one site at a time", hint=f"sites: {', '.join(inventory.sites)}")
     links = inventory.sites[site].bearers
     satellites = [link for link in links if link.kind.traits.allow_list]
-    choices = ", ".join(f"bearer={link.name}" for link in satellites) or "it has none"
+    choices = ", ".join(f"bearer={link.name}" for link in satellites) or "there are none"
     if not satellites:
-        raise plan.NothingToProve(f"`{site}` has no satellite link, so there is nothing to prove")
+        raise plan.NothingToProve(f"`{site}` has no satellite link: nothing to test")
     matches = [link for link in satellites if name in {None, link.name}]
     if len(matches) != 1:
         why = f"`{site}` has several satellite links" if name is None else f"`{site}` has no satellite link `{name}`"

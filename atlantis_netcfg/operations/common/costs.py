@@ -118,8 +118,11 @@ def require_consent(inventory: Inventory, hosts: Sequence[Host], request: Reques
 def unpaid(words: Sequence[str], command: str = "provision") -> cost.CostRefusal:
     """Return the error for costs without consent; `command` tells by which entry point the request came."""
     return cost.CostRefusal(
-        f"nobody has agreed to pay for this, so nothing was sent: {'; '.join(words)}",
-        hint=f"type the same with {accepting(command)} (`--yes` does not say that), or go over another link: `via=lan`",
+        f"the cost was not accepted, so nothing was sent: {'; '.join(words)}",
+        hint=(
+            f"run the same command with {accepting(command)} (`--yes` does not accept costs), or use another link: "
+            "`via=lan`"
+        ),
     )
 
 
@@ -249,8 +252,11 @@ class Meter:
         if plan_only or self.request.rehearsed or self.request.accept_cost:
             return None
         return cost.CostRefusal(
-            f"nobody has agreed to pay for it: {self.expected_cost.words}",
-            hint=f"type the same with {accepting(self.request.command)}, or wait until {self.declared_link} is back",
+            f"the cost was not accepted: {self.expected_cost.words}",
+            hint=(
+                f"run the same command with {accepting(self.request.command)}, or wait until {self.declared_link} "
+                "is up again"
+            ),
         )
 
     def report(self, result: apply.DeviceResult, journal: runs.Recorder, store: runs.Store) -> dict[str, Any]:
@@ -275,17 +281,16 @@ class Meter:
         """Yield a warning for each of a router's metered links without a budget for standing traffic."""
         for link in self.inventory.sites[self.host.site].bearers if isinstance(self.host.device, model.Router) else ():
             if link.metered and not link.has_standing_budget:
-                yield f"WARN: no budget is declared for what goes over {link.name} by itself; docs/links.md"
+                yield f"WARN: no budget in the inventory for automatic traffic over {link.name}; docs/links.md"
 
     def _elsewhere(self) -> Iterator[str]:
         """Yield a warning if the session uses another link than in the inventory, above all a more expensive one."""
         if self.link.name == self.declared_link or self.active is None:
             return
         sentence = (
-            f"{self.host.name} is declared to be reached over {self.declared_link}, "
-            f"but its traffic goes over {self.active}"
+            f"the inventory reaches {self.host.name} over {self.declared_link}, but its traffic uses {self.active}"
         )
-        dear = ", which is paid by the byte" if self.link.is_metered else ""
+        dear = ", which is metered" if self.link.is_metered else ""
         order = [route.name for route in ways_of(self.inventory, self.host)]
         down = order.index(self.declared_link) < order.index(self.active)
         yield f"{sentence} now{dear}" + (f": {self.declared_link} is down" if down else "")
@@ -358,8 +363,8 @@ def _bill_text(final_bill: cost.Bill, router: dict[str, Any] | None) -> str:
     if router is None:
         return f"{final_bill.words}; not counted by the router"
     return (
-        f"{final_bill.words}; the router counted {cost.size(router['bytes'])} on {router['interface']}, "
-        "others' traffic included"
+        f"{final_bill.words}; the router counted {cost.size(router['bytes'])} on {router['interface']}, including "
+        "other traffic"
     )
 
 

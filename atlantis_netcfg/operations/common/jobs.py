@@ -122,7 +122,7 @@ def _check_use(ways: Sequence[LinkRoute], order: LinkOrder, observation: Observa
     if order.link is None or not order.proved:
         return ""
     active = active_link(observation.rows.get(link_use.ROUTES, ()), ways)
-    return "" if active == order.link else f"{order.link} does not carry the traffic then, but {active or 'nothing'}"
+    return "" if active == order.link else f"{order.link} then does not carry the traffic: {active or 'nothing'} does"
 
 
 def _console(host: Host, access: Access, request: Request, pins: runs.Pins) -> apply.SshEndpoint:

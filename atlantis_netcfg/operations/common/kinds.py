@@ -94,7 +94,7 @@ class ManagedDevice(ABC):
     def unfit(self, radios: Collection[str]) -> tuple[str, str]:
         """Return why no text fits a device with radios in these menus, and what to do about it."""
         there = " and ".join(sorted(radios)) or "no radio"
-        return f"{self.host.name} has {there}, for which nothing is declared", "correct its host_vars file"
+        return f"{self.host.name} has {there}, which is not in the inventory", "correct its host_vars file"
 
     @property
     def certificates(self) -> tuple[str, ...]:
@@ -106,10 +106,10 @@ _MENUS = {"wireless": "/interface/wireless", "wifi": "/interface/wifi"}
 _PACKAGES = {"wireless": "wireless", "wifi": "wifi-qcom"}
 _AX = "802.11ax"
 _INSTALL = (
-    "put the package `wireless` on it (802.11ax and some newer 802.11ac devices: `wifi-qcom`, `wifi-qcom-ac`), of the "
-    "same version as RouterOS, reboot it, and run this command again"
+    "install the package `wireless` (802.11ax and some newer 802.11ac devices: `wifi-qcom`, `wifi-qcom-ac`) "
+    "of the same version as RouterOS, reboot, and run this command again"
 )
-_OR_WIRELESS = ", or put the package `wireless` on both if their radios can do with it"
+_OR_WIRELESS = ", or install the package `wireless` on both, if their radios support it"
 
 
 def families(ptp: model.Ptp) -> tuple[str, ...]:
@@ -185,18 +185,21 @@ class ManagedCpe(ManagedDevice):
         """Return why no text fits: no driver, or one that does not support the settings."""
         name, ptp = self.host.name, self.cpe.ptp
         if not radios:
-            why = "has no radio that is driven: since RouterOS 7.13 `wireless` is a package of its own"
+            why = "has no radio with a driver: since RouterOS 7.13 `wireless` is a separate package"
             todo = _INSTALL
         elif ptp.menus not in (model.RadioMenus.AUTO, there := "wifi" if _MENUS["wifi"] in radios else "wireless"):
-            why = f"is declared with the `{ptp.menus}` menus, and its radio is driven by the `{there}` ones"
+            why = f"has the `{ptp.menus}` menus in the inventory, but its radio has the `{there}` menus"
             todo = f"write `menus: {there}` or `menus: auto` under `ptp` in host_vars/{name}.yml"
         elif there == "wifi":
-            why = f"is declared with protocol {ptp.protocol}, and its radio has the `wifi` menus, which only do 802.11"
+            why = (
+                f"has protocol {ptp.protocol} in the inventory, but its radio has the `wifi` menus, which support "
+                "only 802.11"
+            )
             todo = f'write `protocol: "802.11"` under `ptp` of {name} and of {ptp.peer}{_OR_WIRELESS}'
         else:
             newer, older = (_AX, "an older standard") if ptp.standard == _AX else ("wpa3", "`wpa: wpa2`")
-            why = f"is declared with {newer}, and its radio has the `wireless` menus, which do not know it"
-            todo = f"choose {older} under `ptp` of {name} and of {ptp.peer}, or take devices with the `wifi` menus"
+            why = f"has {newer} in the inventory, but its radio has the `wireless` menus, which do not support it"
+            todo = f"choose {older} under `ptp` of {name} and of {ptp.peer}, or use devices with the `wifi` menus"
         return f"{name} {why}", todo
 
 
@@ -287,10 +290,13 @@ class ManagedPorts(ManagedDevice):
         """Return why no text fits: no radio driver, or the wrong one."""
         name, radio = self.host.name, self._port_device.access_point
         if not radios:
-            return f"{name} has no radio that is driven, and an access point is declared", _INSTALL
+            return f"{name} has no radio with a driver, but an access point in the inventory", _INSTALL
         there = "wifi" if _MENUS["wifi"] in radios else "wireless"
         menus = "" if radio is None else radio.menus
-        why = f"{name} is declared with an access point in the `{menus}` menus, and its radio has the `{there}` ones"
+        why = (
+            f"{name} has an access point with the `{menus}` menus in the inventory, but its radio has the "
+            f"`{there}` menus"
+        )
         return why, f"write `menus: {there}` under `access_point` in host_vars/{name}.yml"
 
 
@@ -366,7 +372,7 @@ def get_managed_device(inventory: Inventory, host: Host) -> ManagedDevice:
     for kind in _KINDS:
         if kind.takes(host):
             return kind(inventory, host)
-    raise NoMatchError(f"{host.name} is a {host.device.kind.replace('_', ' ')}: no role handles it yet")
+    raise NoMatchError(f"{host.name} is a {host.device.kind.replace('_', ' ')}, which is not supported yet")
 
 
 def is_other_lte_unit(host: Host) -> bool:

@@ -46,23 +46,24 @@ class Replay:
         rtt_ms = 1000 * (_median(profile.up) + _median(profile.down))
         origin = ", itself a rehearsal" if profile.emulated else ""
         return (
-            f"Replay: link {profile.link} is as run {profile.run} at {profile.site} measured it{origin}: "
+            f"Replay: link {profile.link} as measured by run {profile.run} at {profile.site}{origin}: "
             f"{rtt_ms:.0f} ms, loss {100 * profile.up.loss:.1f} % up and {100 * profile.down.loss:.1f} % down, "
-            f"{len(profile.gaps)} gaps in {profile.recorded_s:.0f} s"
+            f"{len(profile.gaps)} outages in {profile.recorded_s:.0f} s"
         )
 
     @property
     def not_rehearsed(self) -> str:
         """The limit that a report states because of the replay."""
-        origin = ", which was a rehearsal itself" if self.profile.emulated else ""
-        return f"link {self.profile.link} as it is today: it was a replay of run {self.profile.run}{origin}"
+        origin = ", which was itself a rehearsal" if self.profile.emulated else ""
+        return f"link {self.profile.link} in its current state: this was a replay of run {self.profile.run}{origin}"
 
     def refuse_elsewhere(self, inventory: Inventory, sites: Collection[str]) -> None:
         """Raise UsageError if no site has the replayed link: the rehearsal would ignore the profile."""
         links = [link.name for site in sites for link in inventory.sites[site].bearers]
         if self.profile.link not in links:
             raise UsageError(
-                f"`--profile {self.name}`: the run is of link `{self.profile.link}`, which {', '.join(sites)} has not",
+                f"`--profile {self.name}`: the run measured link `{self.profile.link}`, which {', '.join(sites)} "
+                "does not have",
                 hint=f"its links are: {', '.join(dict.fromkeys(links)) or 'none'}",
             )
 
@@ -139,5 +140,5 @@ def open_replay(name: str, roots: Sequence[Path], sites: Sequence[str]) -> Repla
     folders = [folder for root in roots for site in sites for folder in (root / site / "qualify").glob("*/")]
     run_names = sorted(folder.name for folder in folders)
     latest = f"its latest runs: {', '.join(run_names[-3:])}"
-    hint = latest if run_names else "measure the link first; the path of a run's folder is taken, too"
-    raise UsageError(f"`--profile {name}`: {', '.join(sites)} has no such run, and no such file is there", hint=hint)
+    hint = latest if run_names else "measure the link first; the folder of a run is accepted, too"
+    raise UsageError(f"`--profile {name}`: {', '.join(sites)} has no such run, and there is no such file", hint=hint)

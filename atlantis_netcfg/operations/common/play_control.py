@@ -127,9 +127,7 @@ def results_from_journal(  # noqa: PLR0913, PLR0917 - one call, from one place
         hint = f"provision recover resume site={inventory.hosts[start].site} run={run}"
         if is_supported(inventory.hosts[name]):
             hint = f"{_TAKES_BACK}; then:  {hint}"
-        result = _unreached_result(
-            name, run, recorded_run, str(reason) or "it has ended without a result", hint, request
-        )
+        result = _unreached_result(name, run, recorded_run, str(reason) or "it ended without a result", hint, request)
         if isinstance(reason, NetcfgError) and result.status is Status.LEFT_AS_FOUND:
             # A refusal has a code of its own (an inventory that cannot be used: 3), but nothing of it is green.
             result = DeviceResult(name, result.status, reason.exit or ExitCode.FAILED, str(reason), reason.hint)
@@ -157,12 +155,12 @@ def _unreached_result(  # noqa: PLR0913, PLR0917 - as above
     if recorded_run is not None and name in recorded_run.settled_devices:
         return _recorded_result(recorded_run, name, reason)
     if (run and recorded_run is None) or (recorded_run is not None and _is_touched(recorded_run, name)):
-        return DeviceResult(name, Status.UNKNOWN, ExitCode.UNKNOWN, f"the outcome is not known: {reason}", hint)
+        return DeviceResult(name, Status.UNKNOWN, ExitCode.UNKNOWN, f"the outcome is unknown: {reason}", hint)
     return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"nothing was changed: {reason}", _AGAIN)
 
 
-_AGAIN = "type the same command again"
-_TAKES_BACK = "what was not confirmed the device takes back by itself, within ten minutes if the link has died"
+_AGAIN = "run the same command again"
+_TAKES_BACK = "the device itself undoes unconfirmed changes, within ten minutes if the link is lost"
 
 
 def _journal(name: str, site: str, runs: Iterable[str], request: Request) -> tuple[str, Run | None]:
@@ -202,6 +200,6 @@ def _log_output(output: str, request: Request) -> list[str]:
     if not output:
         return []
     try:
-        return [f"what Ansible has printed is in {write_log(output + chr(10), request.command, request.state)}"]
+        return [f"the output of Ansible is in {write_log(output + chr(10), request.command, request.state)}"]
     except (NetcfgError, OSError) as error:
-        return [f"no log file could be written: {error}"]
+        return [f"cannot write a log file: {error}"]

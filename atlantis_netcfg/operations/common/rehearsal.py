@@ -40,13 +40,13 @@ _LISTENS_S = 1.0
 _NOMINAL_M = 150.0
 """Distance if none is declared: from the coastal testbed to the control centre."""
 _RADIO_NOT_REHEARSED = (
-    "radio: the minute or ten that an access point listens for radar are one second",
-    "radio: aim, interference, rain, tide and the antenna's real gain; the level is that of free space",
-    "radio: the other end of a new bridge is reached by a cable of its own until its radio is switched on",
+    "radio: the 1 or 10 minutes of an access point's radar check take one second",
+    "radio: alignment, interference, rain, tide and actual antenna gain; the level is for free space",
+    "radio: the far end of a new bridge is reached over its own cable until its radio is on",
 )
 _STATIONS_NOT_REHEARSED = (
-    "radio: stations of an access point: the emulated ones are near it, and join at once with its name and key",
-    "radio: a router that is an access point is emulated as a board that is not sold: RB5009UPr+S+ with a radio",
+    "radio: stations of an access point: emulated ones are nearby, and connect at once with its name and key",
+    "radio: a router with an access point is emulated as a board that does not exist: RB5009UPr+S+ with a radio",
 )
 
 
@@ -217,8 +217,9 @@ def factory_spec(inventory: Inventory, host: Host, *, serial: bool = False) -> r
         port = management.port  # as "CPE Router" its one port is no port of a bridge
     if port is None:
         raise UsageError(
-            f"{host.name} has one port, by which the laptop would cut itself off: its adoption cannot be rehearsed",
-            hint="adopt it over its serial line, or give it user, certificate and address by hand (docs/routers.md)",
+            f"{host.name} has only one port, and the laptop would cut its own connection: its adoption cannot be "
+            "rehearsed",
+            hint="adopt it over its serial port, or set user, certificate and address by hand (docs/routers.md)",
         )
     laptop = routeros.ManagementSpec(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
     changes = {

@@ -46,14 +46,16 @@ def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
     for name in variables:
         if name.startswith("atlantis_") and name not in {_REQUEST, *_FIELDS}:
             suggestion = errors.nearest(name, (_REQUEST, *_FIELDS)) or ACCEPT_COST
-            raise errors.UsageError(f"there is no extra variable `{name}`", hint=f"did you mean `{suggestion}`?")
+            raise errors.UsageError(f"unknown extra variable `{name}`", hint=f"did you mean `{suggestion}`?")
     request = variables.get(_REQUEST) or {}
     if not isinstance(request, dict):
-        raise errors.UsageError(f"{_REQUEST} is no mapping: {request}", hint=f"type `-e '{{\"{_REQUEST}\": {{…}}}}'`")
+        raise errors.UsageError(
+            f"{_REQUEST} is not a mapping: {request}", hint=f"type `-e '{{\"{_REQUEST}\": {{…}}}}'`"
+        )
     for key, value in request.items():
         if key not in Request.model_fields:
             suggestion = errors.nearest(str(key), Request.model_fields) or "mode"
-            raise errors.UsageError(f"{_REQUEST} has no key `{key}`", hint=f"did you mean `{suggestion}`?")
+            raise errors.UsageError(f"{_REQUEST}: unknown key `{key}`", hint=f"did you mean `{suggestion}`?")
         if (why := validation_error(Request, str(key), value)) is not None:
             raise errors.UsageError(f"{_REQUEST}: {why}")
     options = {}
@@ -61,7 +63,7 @@ def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
         text = str(variables.get(name, "false"))
         if text.lower() not in _BOOLEANS:
             raise errors.UsageError(
-                f"{name} is neither true nor false: {text}", hint=f"type `-e {name}=true`, or leave it out"
+                f"{name} is neither true nor false: {text}", hint=f"type `-e {name}=true`, or remove it"
             )
         if name in variables:
             options[field] = _BOOLEANS[text.lower()]
@@ -137,7 +139,7 @@ class LinkOrder(_Data):
 
 def _private_state(state: Path) -> Path:
     if state.exists():
-        require_own(state, "name a folder of the user that runs this: `atlantis_request.state`, or ATLANTIS_STATE")
+        require_own(state, "use a folder of the current user: `atlantis_request.state`, or ATLANTIS_STATE")
     return state
 
 
@@ -274,6 +276,6 @@ def refuse_examples(inventory: Inventory, *, is_rehearsal: bool) -> None:
             f"them:\n{first}"
         )
     raise errors.UsageError(
-        "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
+        "the inventory still contains example values, which match no real device: it is for rehearsals only",
         hint=hint,
     )

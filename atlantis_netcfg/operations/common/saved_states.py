@@ -38,7 +38,7 @@ class StartState:
     """The device already has this state; nothing is changed."""
 
 
-_LIST_HINT = "`provision report runs` lists what is there"
+_LIST_HINT = "`provision report runs` lists the runs"
 
 
 def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, ...]:
@@ -72,7 +72,7 @@ def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, i
                 continue
             if run.damage or any(run.before(device) is not None for device in devices):
                 return run
-    raise NoMatchError(f"no run of {site} has saved a state of {', '.join(devices)}", hint=_LIST_HINT)
+    raise NoMatchError(f"no run of {site} has a saved state of {', '.join(devices)}", hint=_LIST_HINT)
 
 
 def hosts_to_restore(run: runs.Run, hosts: Sequence[Host], *, is_explicit: bool) -> tuple[Host, ...]:
@@ -90,17 +90,16 @@ def hosts_to_restore(run: runs.Run, hosts: Sequence[Host], *, is_explicit: bool)
         if host not in saved_hosts and host.name in known_hosts and host.name not in settled_hosts
     ]
     rest = ",".join(host.name for host in saved_hosts)
-    hint = "take another run: `provision report runs` lists them"
+    hint = "choose another run: `provision report runs` lists them"
     if rest:
         hint = (
-            f"put back only what was saved: `provision recover rollback site={hosts[0].site} run={run.id} "
-            f"device={rest}`"
+            f"restore only what was saved: `provision recover rollback site={hosts[0].site} run={run.id} device={rest}`"
         )
     if run.damage and not (is_explicit and saved_hosts):
         raise run.damage_error(hint)
     if unknown:
         raise runs.DamagedStateError(
-            f"the journal of run {run.id} does not say what became of {', '.join(unknown)}", hint=hint
+            f"the journal of run {run.id} does not record the outcome for {', '.join(unknown)}", hint=hint
         )
     return hosts_of_run(hosts, [host.name for host in saved_hosts])
 
@@ -121,8 +120,8 @@ def before_rollback(state: Path, hosts: Sequence[Host], run: runs.Run) -> list[S
         if (last := _last_confirmed(state, host, run)) is not None
         else StartState(
             host.name,
-            "no run has read it back: first brought to what is declared",
-            f"what {host.name} is now: what is declared stands for it",
+            "never verified by a run: the inventory is applied first",
+            f"current state of {host.name}: the inventory is used instead",
         )
         for host in hosts
     ]
@@ -137,17 +136,17 @@ def _state_before_resuming(state: Path, host: Host, broken: runs.Run) -> StartSt
     if not is_supported(host):
         return StartState(
             host.name,
-            "a fresh one: no state of such a device is saved",
-            f"what run {broken.id} has left on {host.name}: a fresh one stands for it",
+            "factory state: no state of such a device is saved",
+            f"what run {broken.id} left on {host.name}: the factory state is used instead",
             is_ready=True,
         )
     if broken.before(host.name) is not None:
         confirmed_count = len(broken.confirmed_actions(host.name))
-        again = f"; the {confirmed_count} actions that it had confirmed are done again" if confirmed_count else ""
+        again = f"; the {confirmed_count} actions that it had confirmed are repeated" if confirmed_count else ""
         return StartState(
             host.name,
-            f"first brought to the state before run {broken.id}{again}",
-            f"what run {broken.id} has left open or kept on {host.name}: the state before it stands for that",
+            f"starts from the state before run {broken.id}{again}",
+            f"what run {broken.id} left pending or kept on {host.name}: the state before it is used instead",
             back_to=broken.id,
         )
     last = _last_confirmed(state, host, broken)
@@ -155,8 +154,8 @@ def _state_before_resuming(state: Path, host: Host, broken: runs.Run) -> StartSt
         return _state_read_back(host, last)
     return StartState(
         host.name,
-        "no run has saved a state of it: as after its adoption",
-        f"what {host.name} was before: it is as after its adoption",
+        "no run has a saved state of it: starts as after adoption",
+        f"the earlier state of {host.name}: it starts as after adoption",
         is_ready=True,
     )
 
@@ -170,7 +169,7 @@ def _last_confirmed(state: Path, host: Host, run: runs.Run) -> runs.SavedState |
 def _state_read_back(host: Host, last: runs.SavedState) -> StartState:
     return StartState(
         host.name,
-        f"first brought to what run {last.run} read back at {last.at:%Y-%m-%d %H:%M} UTC",
-        f"what has changed on {host.name} since run {last.run} read it back",
+        f"starts from the state verified by run {last.run} at {last.at:%Y-%m-%d %H:%M} UTC",
+        f"changes on {host.name} since run {last.run} verified it",
         restore=last.run,
     )

@@ -96,14 +96,12 @@ def _choose_near_end(
         return here[0]
     first, second = (end.name for end in ends)
     if not direct:
-        raise UsageError(
-            f"{first} and {second} are both to be reached over the bridge that they make", hint=_hint(ends)
-        )
-    raise UsageError(f"{first} and {second} are ends of one bridge, and either may be the near one", hint=_hint(ends))
+        raise UsageError(f"{first} and {second} are both reached over the bridge between them", hint=_hint(ends))
+    raise UsageError(f"{first} and {second} are ends of one bridge, and the near one is not known", hint=_hint(ends))
 
 
 def _hint(ends: tuple[Host, Host]) -> str:
-    return f"name the site where you stand ({' or '.join(dict.fromkeys(end.site for end in ends))}), or say via="
+    return f"give the site where you are ({' or '.join(dict.fromkeys(end.site for end in ends))}), or use via="
 
 
 def _is_over_bridge(inventory: Inventory, end: Host, via: Mapping[str, str]) -> bool:

@@ -34,7 +34,7 @@ def site_link_of(inventory: Inventory, host: Host, via: str | None = None) -> Li
     links = {link.name: link for link in inventory.sites[host.site].bearers}
     if name not in links:
         choices = ", ".join([LAN.name, *links])
-        raise UsageError(f"`via={name}`: {host.site} has no such bearer", hint=f"it has: {choices}")
+        raise UsageError(f"`via={name}`: {host.site} has no such link", hint=f"its links: {choices}")
     return as_link(links[name])
 
 

@@ -53,9 +53,9 @@ class TerminalResult:
     def message(self) -> str:
         """The terminal's message in the report."""
         if self.evidence is None:
-            return f"{self.verdict}: declared without evidence, has no interface of its own"
+            return f"{self.verdict}: in the inventory without evidence, no interface of its own"
         by, on = self.evidence.by, self.evidence.seen_on.isoformat()
-        return f"{self.verdict}: declared, firmware {self.evidence.firmware}, seen by {by} on {on}"
+        return f"{self.verdict}: in the inventory, firmware {self.evidence.firmware}, inspected by {by} on {on}"
 
     def as_dict(self) -> Mapping[str, Any]:
         """Return JSON-able data with every key of a device's result."""
@@ -180,8 +180,8 @@ def _sha256(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         reason = error.strerror or str(error)
-        hint = "name the backup that the terminal has exported"
-        raise errors.UsageError(f"the backup {path} cannot be read: {reason}", hint=hint) from error
+        hint = "give the backup exported from the terminal"
+        raise errors.UsageError(f"cannot read the backup {path}: {reason}", hint=hint) from error
 
 
 def _load_firmware(store: runs.Store) -> dict[str, str]:
@@ -195,8 +195,8 @@ def _load_firmware(store: runs.Store) -> dict[str, str]:
     except FileNotFoundError:
         return {}
     except (OSError, ValueError, AttributeError) as error:
-        hint = "remove it: the next run records anew what is declared"
-        raise runs.DamagedStateError(f"the record of the terminals cannot be read: {path}", hint=hint) from error
+        hint = "remove it: the next run records the inventory again"
+        raise runs.DamagedStateError(f"cannot read the record of the terminals: {path}", hint=hint) from error
 
 
 def _record_firmware(store: runs.Store, results: Iterable[TerminalResult]) -> None:
@@ -235,8 +235,8 @@ class TriedPin:
         except (OSError, ValueError):
             when = "an earlier time"
         return (
-            f"the PIN was sent at {when}, and it was not seen that the SIM took it; it is not tried again."
-            f" Compare `sim.pin` with the SIM's letter, then delete {self.path}"
+            f"the PIN was sent at {when}, but the SIM did not confirm it; it is not retried. Compare `sim.pin` "
+            f"with the SIM's letter, then delete {self.path}"
         )
 
     def remember(self) -> None:
@@ -246,8 +246,8 @@ class TriedPin:
             runs.write_atomically(self.path, f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n".encode())
         except OSError as error:
             raise runs.JournalError(
-                f"it cannot be noted that a PIN is tried: {error.strerror or error} ({self.path})",
-                hint="make room on the disk or correct its permissions, then run the same command again",
+                f"cannot record the PIN attempt: {error.strerror or error} ({self.path})",
+                hint="free disk space or correct the permissions, then run the same command again",
             ) from error
 
     def forget(self) -> None:

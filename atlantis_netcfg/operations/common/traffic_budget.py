@@ -86,10 +86,9 @@ def _budgets(inventory: Inventory, site: str, uplinks: Iterable[Uplink]) -> Iter
         if probe_plan is not None and probe_plan.unsteady_bytes is not None and budget is not None:
             month = size(MONTH_DAYS * probe_plan.daily_bytes)
             words = (
-                f"each canary is asked every {probe_plan.watch_s:.0f} s: "
-                f"{month} of the {size(round(budget))} a month that "
-                "are declared for it; on a day on which the link comes and goes, "
-                f"up to {size(probe_plan.unsteady_bytes)}"
+                f"each probe target is pinged every {probe_plan.watch_s:.0f} s: {month} of its "
+                f"{size(round(budget))} a month in the inventory; on a day when the link is unstable, up to "
+                f"{size(probe_plan.unsteady_bytes)}"
             )
             yield uplink.name, words
 
@@ -240,16 +239,16 @@ def over_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding | Non
     if not budgets:
         return None
     message = (
-        f"by itself {size(traffic.month_bytes)} a month would go over {link.name} ({traffic.bill.money}),"
-        f" and its budget is {' and '.join(budgets)}"
+        f"{size(traffic.month_bytes)} of automatic traffic a month over {link.name} ({traffic.bill.money}) "
+        f"exceeds its budget of {' and '.join(budgets)}"
     )
-    hint = "declare fewer `processes`, `participants` or `peers` below `dds:`, slower `telemetry:`, or a larger budget"
+    hint = "set fewer `processes`, `participants` or `peers` under `dds:`, slower `telemetry:`, or a larger budget"
     return LinkFinding(Verdict.WARN, "standing-over-budget", message, hint)
 
 
 def _missing_budget_finding(link: model.Link, traffic: StandingTraffic) -> LinkFinding:
     amount = f"{size(traffic.month_bytes)} a month ({traffic.bill.money})"
-    message = f"no budget is declared for what goes over {link.name} by itself: {amount}"
+    message = f"no budget in the inventory for automatic traffic over {link.name}: {amount}"
     return LinkFinding(Verdict.WARN, "no-standing-budget", message, BUDGET_HINT)
 
 

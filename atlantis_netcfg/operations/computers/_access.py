@@ -67,7 +67,7 @@ def _declared_key(host: Host, request: Request) -> str:
         return ""
     path = request.state / "known_hosts" / host.name
     line = f"{host.name} {device.ssh.host_key}\n".encode()
-    with runs.os_errors_as("the declared host key", path):
+    with runs.os_errors_as("the host key in the inventory", path):
         if not path.is_file() or path.read_bytes() != line:
             runs.make_private(path.parent)
             runs.write_atomically(path, line)
@@ -78,8 +78,8 @@ def _declared_key(host: Host, request: Request) -> str:
 def key_trouble(name: str, message: str) -> tuple[str, str] | None:
     """Return OpenSSH's host-key refusal as text, and what to do about it; None if it refused nothing."""
     if "IDENTIFICATION HAS CHANGED" in message:
-        text = "it shows another SSH host key than before, so nothing was told to it"
-        return text, f"only if it was set up anew: `ssh-keygen -R {name}`, then {TRUST}"
+        text = "it shows a different SSH host key than before, so nothing was sent to it"
+        return text, f"only if it was reinstalled: run `ssh-keygen -R {name}`, then {TRUST}"
     if "Host key verification failed" in message or "host key is known" in message:
-        return "its SSH host key is not the declared one, or is not known here, so nothing was told to it", TRUST
+        return "its SSH host key differs from the inventory, or is not known here, so nothing was sent to it", TRUST
     return None

@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 
 
 _MENU = "roles"
-_NO_PAST = "a computer keeps no record of its changes"
-_PROTECTION = "files whole or not at all; a firewall without the way in is refused; the network changes under a timer"
+_NO_PAST = "a computer has no journal of its changes"
+_PROTECTION = (
+    "files are replaced whole; a firewall that would block access is refused; network changes have a rollback timer"
+)
 
 
 @dataclass(slots=True)
@@ -80,7 +82,7 @@ class ComputerResult:
 
     def not_reached(self, values: Mapping[str, Any]) -> None:
         """Record why the connection failed, in short form; the computer is unchanged."""
-        words = str(values.get("msg") or "it does not answer").strip()
+        words = str(values.get("msg") or "no response").strip()
         self.hint = str(values["hint"]) if values.get("hint") else None
         if (trouble := key_trouble(self.name, words)) is not None:
             words, self.hint = trouble
@@ -129,10 +131,10 @@ class ComputerResult:
         if self.failure is not None:
             return f"{self.failure} (after {count})" if self.changes else self.failure
         if self.status is Status.UNCHANGED:
-            return "nothing to change" if self.findings else "as declared, nothing to change"
+            return "nothing to change" if self.findings else "matches the inventory, nothing to change"
         if self.mode is Mode.DRIFT:
             differ = len(self.changes) + len(self.findings)
-            return f"{differ} things differ" if differ > 1 else "1 thing differs"
+            return f"{differ} differences" if differ > 1 else "1 difference"
         return f"{count} to make" if self.mode is Mode.PLAN else f"{count} made"
 
     def _comparison(self) -> dict[str, Any]:
@@ -282,7 +284,7 @@ class Watch:
                 result.not_reached(values)
             else:
                 result.fail(task, values, Status.LEFT_AS_FOUND if result.mode.reads_only else Status.UNKNOWN)
-            result.hint = result.hint or "look at its power and its cable, then type the same again"
+            result.hint = result.hint or "check its power and its cable, then run the same command again"
 
     def end(self, failed_hosts: Collection[str]) -> None:
         """Report and journal the end of each host, release the sites; a failure not in `failed_hosts` was rescued."""
@@ -305,8 +307,8 @@ class Watch:
                 task = self._running.get(name)
                 unknown = task is not None and name in self._answered_hosts and not result.mode.reads_only
                 status = Status.UNKNOWN if unknown else Status.LEFT_AS_FOUND
-                result.fail(task or "stopped before its next task", {"msg": reason}, status)
-                result.hint = "type the same again: it goes on from whatever is there"
+                result.fail(task or "stopped before the next task", {"msg": reason}, status)
+                result.hint = "run the same command again: it continues from the current state"
         self.end(self._results)
 
     def _tell_run(self, site: str) -> None:

@@ -93,8 +93,10 @@ def require_authority(hosts: Iterable[Host], request: Request) -> None:
     try:
         Authority.open(request.vpn)
     except NoAuthority as error:
-        others = "where a colleague has it, let them run this, and name the other devices with `device=`"
-        raise NoAuthority(f"{', '.join(servers)}: {error}", hint=f"make one: `provision vpn init`; {others}") from None
+        others = "if a colleague has it, let them run this, and select the other devices with `device=`"
+        raise NoAuthority(
+            f"{', '.join(servers)}: {error}", hint=f"create one: `provision vpn init`; {others}"
+        ) from None
 
 
 PARTS: Mapping[str, Part] = {

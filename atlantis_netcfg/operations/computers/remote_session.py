@@ -52,9 +52,11 @@ class StaleRecord(errors.NetcfgError):
 
     def __init__(self, why: str) -> None:
         super().__init__(
-            f"this record is older than the server: {why}",
-            hint="work with the newest copy of the authority: `authority=FOLDER` names it, with this one nothing was "
-            "signed or sent. If that copy is lost for good: `provision vpn sync --sign --take-list`",
+            f"this record is older than the server's: {why}",
+            hint=(
+                "use the newest copy of the authority with `authority=FOLDER`; with this one nothing was signed or "
+                "sent. If that copy is lost: `provision vpn sync --sign --take-list`"
+            ),
         )
 
 
@@ -93,19 +95,22 @@ def ssh_error(name: str, access: Mapping[str, Any], code: int | None, text: str)
         return HostKeyMismatch(f"{name} at {access['host']}: {trouble[0]}", hint=trouble[1])
     if "Permission denied" in text:
         return ServerAway(
-            f"{name} was reached, and does not let you in as {access['user']}: {last}",
-            hint=f"bring your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`",
+            f"{name} was reached, but refused the login as {access['user']}: {last}",
+            hint=f"copy your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`",
         )
     if "sudo" in last:
         return ServerAway(
-            f"{name}: {access['user']} does not become root there without a password: {last}",
+            f"{name}: {access['user']} cannot become root without a password: {last}",
             hint=f"on {name}: `echo '{access['user']} ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`",
         )
     if code == _NOT_FOUND:
         return ServerAway(f"{name} has no python3: {last}", hint=f"on {name}: `apt-get install python3`")
     return ServerAway(
         f"{name} was not reached ({where}): {last}",
-        hint="look at its power and at your way to it; what is recorded waits, and `provision vpn sync` goes on",
+        hint=(
+            "check its power and your connection to it; recorded changes are pending, and `provision vpn sync` "
+            "continues"
+        ),
     )
 
 
@@ -168,8 +173,8 @@ class _RemoteLink:
             raise ServerRefusal(f"{self.name}: {answer['refused']}", hint=answer.get("hint") or None)
         if "broken" in answer:
             raise AnswerLost(
-                f"{self.name}: the toolkit's program there failed at `{do}`: {answer['broken']}",
-                hint="this is our fault: please report it; nothing says how far it came",
+                f"{self.name}: the toolkit's program failed there at `{do}`: {answer['broken']}",
+                hint="this is a bug: please report it; its progress is unknown",
             )
         result = answer.get("done")
         if not isinstance(result, dict):
@@ -223,8 +228,8 @@ class _RemoteLink:
         if python_release < PYTHON:
             is_there, minimum = (".".join(map(str, version)) for version in (python_release, PYTHON))
             raise ServerAway(
-                f"{self.name} has Python {is_there}, and at least {minimum} is needed",
-                hint="that comes with Debian 11 and Ubuntu 20.04",
+                f"{self.name} has Python {is_there}, but at least {minimum} is required",
+                hint="included in Debian 11 and Ubuntu 20.04",
             )
         self._send(remote_bundle.INSTALL.read_bytes() + tool.payload)
         self.round_trips += 1
@@ -271,10 +276,10 @@ class _RemoteLink:
 
     def _loss_error(self, do: str = "") -> AnswerLost:
         code = self._code()
-        why = self._stderr_tail().strip().splitlines()[-1:] or [f"exit {code}" if code is not None else "no answer"]
+        why = self._stderr_tail().strip().splitlines()[-1:] or [f"exit {code}" if code is not None else "no response"]
         return AnswerLost(
             f"{self.name}: the connection was lost before an answer came{f' to `{do}`' if do else ''} ({why[0]})",
-            hint="what was asked for may have been done: `provision vpn sync` looks, and goes on",
+            hint="the request may have been completed: `provision vpn sync` checks and continues",
         )
 
     def _code(self) -> int | None:
@@ -337,7 +342,7 @@ def _unpack(line: bytes) -> dict[str, Any]:
     except (zlib.error, RecursionError) as error:
         raise ValueError(str(error)) from error
     if not isinstance(result, dict):
-        raise ValueError("no answer")  # noqa: TRY004 - as any other that is torn
+        raise ValueError("no response")  # noqa: TRY004 - as any other that is torn
     return result
 
 
@@ -346,4 +351,4 @@ def _install_error(name: str, line: bytes) -> ServerRefusal:
         result = json.loads(line[len(_INSTALL_MARK) :])
         return ServerRefusal(f"{name}: {result['msg']}", hint=result.get("hint") or None)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return ServerRefusal(f"{name}: the toolkit's program was not installed, and it is not said why")
+        return ServerRefusal(f"{name}: the toolkit's program was not installed, for an unknown reason")

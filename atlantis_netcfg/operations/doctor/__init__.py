@@ -75,7 +75,7 @@ def _hosts(inventory: Inventory | None, site: str | None) -> tuple[Host, ...]:
     if inventory is None:
         return ()
     if site == ALL:
-        raise UsageError(f"`site={ALL}`: a laptop stands at one site", hint=f"name it: {', '.join(inventory.sites)}")
+        raise UsageError(f"`site={ALL}`: a laptop is at one site", hint=f"choose one: {', '.join(inventory.sites)}")
     return choose(inventory, ALL if site is None else site)
 
 
@@ -124,7 +124,7 @@ def _pin_reader(state: Path | None) -> Callable[[str], str | None]:
 def _check_route(place: reachability.RouterPlace) -> Iterator[DoctorItem]:
     """Yield the items of the route to a router, and of the router itself if the route is correct."""
     if place.example:
-        observation = f"the addresses of {place.site} are examples, which lead to nobody's devices"
+        observation = f"the addresses of {place.site} are examples, which match no real device"
         yield DoctorItem(DoctorSection.WAY, "way", Verdict.SKIP, observation)
         yield reachability.judge_ports(read_network(None))
         return

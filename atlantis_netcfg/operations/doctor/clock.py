@@ -36,7 +36,7 @@ def judge_time(now: datetime, earlier: Mapping[str, datetime], ends: datetime | 
     """Judge the time against earlier events and their times, and the last day of the VPN's authority (`ends`)."""
     time_text = f"{now:%Y-%m-%d %H:%M} UTC"
     if not earlier:
-        return _item("time", Verdict.WARN, f"{time_text}: there is nothing here to compare it with")
+        return _item("time", Verdict.WARN, f"{time_text}: nothing to compare it with")
     what, latest = max(earlier.items(), key=lambda each: each[1])
     if now + _TOLERANCE < latest:
         return _item(
@@ -46,8 +46,8 @@ def judge_time(now: datetime, earlier: Mapping[str, datetime], ends: datetime | 
         return _item(
             "time",
             Verdict.FAIL,
-            f"{time_text} is after the end of the VPN's authority ({ends:%Y-%m-%d})",
-            "set the clock; if it is right, make a new authority",
+            f"{time_text} is after the expiry of the VPN authority ({ends:%Y-%m-%d})",
+            "set the clock; if it is right, create a new authority",
         )
     return _item("time", Verdict.PASS, f"{time_text}, after {what} ({latest:%Y-%m-%d})")
 
@@ -63,11 +63,11 @@ def judge_synchronised(output: str | None) -> DoctorItem:
         return _item(
             "time server",
             Verdict.WARN,
-            "no time server sets the clock" if off else "no time server has answered since the start",
+            "no time server sets the clock" if off else "no time server has responded since the start",
             "" if off else "connect to the internet once, or compare with a watch",
             (_SET,) if off else (),
         )
-    return _item("time server", Verdict.WARN, "not known: timedatectl tells nothing here", "compare with a watch")
+    return _item("time server", Verdict.WARN, "unknown: timedatectl reports nothing here", "compare with a watch")
 
 
 def clock_items(checkout: Path, runs: Sequence[Run], authority: Path | None) -> Iterator[DoctorItem]:

@@ -47,10 +47,12 @@ class SpaceRequirement:
 def room_needs(state: Path, cache: Path) -> tuple[SpaceRequirement, ...]:
     """Return the folders that commands fill, with their space requirements."""
     return (
-        SpaceRequirement("room for records", state, 50 * _MB, 500 * _MB, "journals and saved states"),
-        SpaceRequirement("room for the cache", cache, 50 * _MB, 2000 * _MB, "the Debian of a rehearsal as root"),
+        SpaceRequirement("space for records", state, 50 * _MB, 500 * _MB, "journals and saved states"),
         SpaceRequirement(
-            "room for images", temporary.large_temp_dir(), 50 * _MB, 8000 * _MB, "images of cards, and bundles"
+            "space for the cache", cache, 50 * _MB, 2000 * _MB, "the Debian system of a rehearsal as root"
+        ),
+        SpaceRequirement(
+            "space for images", temporary.large_temp_dir(), 50 * _MB, 8000 * _MB, "card images and bundles"
         ),
     )
 
@@ -60,10 +62,12 @@ def judge_room(need: SpaceRequirement, free: int) -> DoctorItem:
     free_text = f"{free / 1e9:.1f} GB" if free >= 1000 * _MB else f"{free / _MB:.0f} MB"
     if free < need.fail:
         observation = f"{free_text} free at {need.place}, for {need.purpose}"
-        return _item(need.name, Verdict.FAIL, observation, "delete what you need no more")
+        return _item(need.name, Verdict.FAIL, observation, "delete what you no longer need")
     if free < need.warn:
-        observation = f"{free_text} free at {need.place}; {need.warn / 1e9:.1f} GB are good for {need.purpose}"
-        return _item(need.name, Verdict.WARN, observation, "make room")
+        observation = (
+            f"{free_text} free at {need.place}; {need.warn / 1000000000.0:.1f} GB are recommended for {need.purpose}"
+        )
+        return _item(need.name, Verdict.WARN, observation, "free disk space")
     return _item(need.name, Verdict.PASS, f"{free_text} free at {need.place}")
 
 
@@ -81,23 +85,21 @@ def state_item(place: Path) -> DoctorItem:
             return _item(
                 name,
                 Verdict.FAIL,
-                f"{place} cannot be made: {above} cannot be written by you",
-                "name a folder of your own: ATLANTIS_STATE=/some/folder, before the command",
+                f"cannot create {place}: you cannot write to {above}",
+                "use your own folder: ATLANTIS_STATE=/some/folder, before the command",
             )
-        return _item(name, Verdict.SKIP, f"{place} is made by the first run")
+        return _item(name, Verdict.SKIP, f"{place} will be created by the first run")
     try:
-        paths.require_own(place, "name a folder of your own: ATLANTIS_STATE=/some/folder, before the command")
+        paths.require_own(place, "use your own folder: ATLANTIS_STATE=/some/folder, before the command")
     except UsageError as error:
         return _item(name, Verdict.FAIL, str(error), error.hint or "")
     if place.stat().st_mode & _OTHERS:
         return _item(
-            name, Verdict.WARN, f"{place} can be read by others", commands=[f"chmod 700 {shlex.quote(str(place))}"]
+            name, Verdict.WARN, f"other users can read {place}", commands=[f"chmod 700 {shlex.quote(str(place))}"]
         )
     if not os.access(place, os.W_OK | os.X_OK):
-        return _item(
-            name, Verdict.FAIL, f"{place} cannot be written", commands=[f"chmod 700 {shlex.quote(str(place))}"]
-        )
-    return _item(name, Verdict.PASS, f"{place}, closed to others")
+        return _item(name, Verdict.FAIL, f"{place} is not writable", commands=[f"chmod 700 {shlex.quote(str(place))}"])
+    return _item(name, Verdict.PASS, f"{place}, private")
 
 
 def checkout_item(root: Path) -> DoctorItem:
@@ -109,11 +111,11 @@ def checkout_item(root: Path) -> DoctorItem:
         return _item(
             name,
             Verdict.WARN,
-            f"others can write to {path_list}, and so change what you run",
+            f"other users can write to {path_list} and change the programs that you run",
             commands=[f"chmod go-w {path_list}"],
         )
     if not os.access(root, os.W_OK):
-        return _item(name, Verdict.PASS, f"{root}; its owner updates it, you cannot write to it")
+        return _item(name, Verdict.PASS, f"{root}; updated by its owner, not writable by you")
     return _item(name, Verdict.PASS, f"{root}, writable by you")
 
 
@@ -125,25 +127,25 @@ def leftovers_item(dead: Sequence[Path]) -> DoctorItem:
         return _item(
             "leftovers",
             Verdict.WARN,
-            f"left by commands that were killed, and could not be removed: {path_list}",
-            "if something is mounted in it (`findmnt`), unmount that first; then:",
+            f"left by killed commands, and could not be removed: {path_list}",
+            "if it contains a mount (`findmnt`), unmount that first; then:",
             [f"sudo rm -r --one-file-system {words}"],
         )
-    return _item("leftovers", Verdict.PASS, "none of killed commands")
+    return _item("leftovers", Verdict.PASS, "none from killed commands")
 
 
 def unfinished_item(runs: Sequence[Run]) -> DoctorItem:
     """Report runs whose outcome on a device is open."""
     if not runs:
-        return _item("open runs", Verdict.PASS, "none")
+        return _item("unfinished runs", Verdict.PASS, "none")
     first = runs[0]
     more = f" (and {len(runs) - 1} more)" if len(runs) > 1 else ""
     devices = ", ".join(sorted(first.unsettled_devices))
     return _item(
-        "open runs",
+        "unfinished runs",
         Verdict.WARN,
-        f"{first.id} has left {devices} open{more}",
-        "go on when the link is there:",
+        f"{first.id} is unfinished on {devices}{more}",
+        "continue when the link is available:",
         [first.next_command],
     )
 
@@ -180,6 +182,6 @@ def folder_items(state: Path, root: Path, read: RunsRead) -> Iterator[DoctorItem
     yield checkout_item(root)
     yield leftovers_item(temporary.orphaned_folders())
     if read.trouble is not None:
-        yield _item("open runs", Verdict.FAIL, str(read.trouble), read.trouble.hint or "")
+        yield _item("unfinished runs", Verdict.FAIL, str(read.trouble), read.trouble.hint or "")
     else:
         yield unfinished_item(read.unfinished_runs)

@@ -19,7 +19,7 @@ class DoctorSection(StrEnum):
 
     SOFTWARE = "Software"
     CLOCK = "Clock"
-    WAY = "Way to the site"
+    WAY = "Connection to the site"
     KEYS = "Keys and passwords"
     FOLDERS = "Disk and folders"
 

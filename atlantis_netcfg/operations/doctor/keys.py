@@ -45,10 +45,10 @@ def examples_item(inventory: Inventory) -> DoctorItem:
         return _item(
             "example values",
             Verdict.WARN,
-            "still in force: rehearsals work, and every real run is refused",
+            "still in use: rehearsals work, but every real run is refused",
             "replace them, then set `example_values: false` in group_vars/all/pilot.yml",
         )
-    return _item("example values", Verdict.PASS, "none is left")
+    return _item("example values", Verdict.PASS, "none left")
 
 
 def secrets_item(inventory: Path, decrypt: Callable[[str], str]) -> DoctorItem:
@@ -71,7 +71,7 @@ def secrets_item(inventory: Path, decrypt: Callable[[str], str]) -> DoctorItem:
         return _item("vault", Verdict.INCONCLUSIVE, str(error), (error.hint or "").partition("\n")[0])
     if not secret_count:
         return _item("vault", Verdict.PASS, "no value of the inventory is encrypted, so no password is needed")
-    return _item("vault", Verdict.PASS, f"the password opens all {secret_count} encrypted values")
+    return _item("vault", Verdict.PASS, f"the password decrypts all {secret_count} encrypted values")
 
 
 def password_files(environ: Mapping[str, str]) -> tuple[Path, ...]:
@@ -87,14 +87,16 @@ def password_file_item(file: Path, inventory: Path) -> DoctorItem:
     try:
         mode = file.stat().st_mode
     except OSError as error:
-        return _item(name, Verdict.FAIL, f"{file} cannot be read: {error.strerror}", "name another file")
+        return _item(name, Verdict.FAIL, f"cannot read {file}: {error.strerror}", "give another file")
     if mode & _OTHERS and not mode & 0o100:  # a program that prints the password holds none
         return _item(
-            name, Verdict.FAIL, f"{file} can be read by others", commands=[f"chmod 600 {shlex.quote(str(file))}"]
+            name, Verdict.FAIL, f"other users can read {file}", commands=[f"chmod 600 {shlex.quote(str(file))}"]
         )
     if file.resolve().is_relative_to(inventory.resolve()):
-        return _item(name, Verdict.WARN, f"{file} lies in the inventory: whoever gets one gets both", "move it away")
-    return _item(name, Verdict.PASS, f"{file} is readable by you alone")
+        return _item(
+            name, Verdict.WARN, f"{file} is inside the inventory: whoever gets one gets both", "move it elsewhere"
+        )
+    return _item(name, Verdict.PASS, f"{file} is readable only by you")
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,18 +145,18 @@ def keys_item(host: str, allowed_keys: Sequence[str], keys: Sequence[LaptopKey])
         return _item(
             name,
             Verdict.FAIL,
-            f"none of its {len(public_keys)} declared keys is in ~/.ssh, or in the agent",
-            f"work on a laptop that has one, or add yours to `ssh_keys` in host_vars/{host}.yml",
+            f"none of its {len(public_keys)} keys in the inventory is in ~/.ssh or in the agent",
+            f"use a laptop that has one, or add your key to `ssh_keys` in host_vars/{host}.yml",
         )
     in_agent = next((key for key in fitting if key.file is None), None)
     key = in_agent or fitting[0]
     if key.file is None:
-        return _item(name, Verdict.PASS, "the agent holds a declared key")
+        return _item(name, Verdict.PASS, "the agent has a key from the inventory")
     if key.file.stat().st_mode & _OTHERS:
         return _item(
             name,
             Verdict.FAIL,
-            f"{key.file} can be read by others: OpenSSH refuses such a key",
+            f"other users can read {key.file}: OpenSSH refuses such a key",
             commands=[f"chmod 600 {shlex.quote(str(key.file))}"],
         )
     return _item(name, Verdict.PASS, f"{key.file}")
@@ -196,22 +198,24 @@ def known_devices_item(
     """Report whether the devices' identities are known, from the inventory or from pins on this computer."""
     name = "known devices"
     if inventory.pilot.example_values:
-        return _item(name, Verdict.SKIP, "the declared devices are examples")
+        return _item(name, Verdict.SKIP, "the devices in the inventory are examples")
     every = [host for host in hosts if has_identity(host)]
     try:
         unknown = [host for host in every if not _is_known(inventory, host, pins, is_known)]
     except NetcfgError as error:
         return _item(name, Verdict.FAIL, str(error), error.hint or "")
     if not every:
-        return _item(name, Verdict.SKIP, "no device is logged in to")
+        return _item(name, Verdict.SKIP, "provision logs in to no device")
     if not unknown:
-        return _item(name, Verdict.PASS, f"all {len(every)}: certificate or host key is declared, or kept here")
+        return _item(
+            name, Verdict.PASS, f"all {len(every)}: certificate or host key is in the inventory, or stored here"
+        )
     names = ", ".join(host.name for host in unknown)
     return _item(
         name,
         Verdict.WARN,
-        f"{len(unknown)} of {len(every)} not known here, and refused so far: {names}",
-        "at the site, on a terminal; a router from its carton is met by `device adopt` instead:",
+        f"{len(unknown)} of {len(every)} not known here and therefore refused: {names}",
+        "at the site, on a terminal (for a new router use `device adopt` instead):",
         [f"provision device trust site={unknown[0].site}"],
     )
 
@@ -232,7 +236,7 @@ def authority_item(folder: Path) -> DoctorItem:
 
     name = "VPN authority"
     if not Authority.exists(folder):
-        return _item(name, Verdict.SKIP, "not on this laptop: only who lets partners in needs it")
+        return _item(name, Verdict.SKIP, "not on this laptop: only needed to enrol members")
     problems = Authority(folder).check()
     if not problems:
         return _item(name, Verdict.PASS, f"{folder}: nothing to do")
@@ -252,7 +256,7 @@ def key_items(
     for host in hosts:
         if isinstance(host.device, model.SiteComputer) and host.device.image is not None and host.device.image.ssh_keys:
             if inventory.pilot.example_values:
-                yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its declared keys are examples")
+                yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its keys in the inventory are examples")
             else:
                 yield keys_item(host.name, host.device.image.ssh_keys, keys)
     yield known_devices_item(inventory, hosts, pins, lambda name: in_known_hosts(name, home))

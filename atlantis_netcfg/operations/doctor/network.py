@@ -104,7 +104,7 @@ def facts_of(prints: IpPrints, cards: Mapping[str, CardFacts], managed_ports: fr
             defaults=tuple(map(_route, _rows(prints.defaults))),
         )
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise NetworkUnreadable("`ip -json` has printed what is not understood here") from error
+        raise NetworkUnreadable("`ip -json` returned unknown output") from error
 
 
 def _rows(text: str) -> list[dict[str, Any]]:
@@ -177,7 +177,7 @@ def _run(words: Sequence[str]) -> subprocess.CompletedProcess[str]:
             env={**os.environ, "LC_ALL": "C"},
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise NetworkUnreadable(f"`{words[0]}` did not answer: {error}") from error
+        raise NetworkUnreadable(f"`{words[0]}` did not respond: {error}") from error
 
 
 def _ip(*words: object, details: bool = False) -> str:

@@ -117,8 +117,10 @@ def judge_ports(facts: NetworkFacts) -> DoctorItem:
 def _describe(port: LaptopPort) -> str:
     addresses = f" ({', '.join(map(str, port.addresses))})" if port.addresses else ""
     if not port.up:
-        return f"{port.name} is switched off{addresses}"
-    return f"{port.name} has a cable{addresses}" if port.carrier else f"{port.name} sees no cable{addresses}"
+        return f"{port.name} is disabled{addresses}"
+    return (
+        f"{port.name} has a cable connected{addresses}" if port.carrier else f"{port.name} detects no cable{addresses}"
+    )
 
 
 def judge_way(place: RouterPlace, facts: NetworkFacts) -> tuple[DoctorItem, ...]:
@@ -163,26 +165,26 @@ def _judge_port(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None
             "port",
             Verdict.FAIL,
             "this laptop has no Ethernet port",
-            "plug in a USB Ethernet adapter, then type the same again",
+            "plug in a USB Ethernet adapter, then run the same command again",
         )
-    plug = f"plug the cable into {place.plug} of {place.router}, and look at the router's power"
+    plug = f"plug the cable into {place.plug} of {place.router}, and check the router's power"
     if not port.up:
         return _item(
-            "port", Verdict.FAIL, f"{port.name} is switched off", commands=[_sudo("ip", "link", "set", port.name, "up")]
+            "port", Verdict.FAIL, f"{port.name} is disabled", commands=[_sudo("ip", "link", "set", port.name, "up")]
         )
     if not port.carrier:
-        return _item("port", Verdict.FAIL, f"{port.name} is on and sees no cable (no carrier)", plug)
+        return _item("port", Verdict.FAIL, f"{port.name} is enabled but detects no cable (no carrier)", plug)
     speed = "speed unknown" if port.speed_mbps is None else f"{port.speed_mbps} Mbit/s"
     if port.speed_mbps is not None and port.speed_mbps < _SLOW_MBPS:
         return _item(
-            "port", Verdict.WARN, f"{port.name} has a cable, at {speed} only", "take another cable, or clean the plugs"
+            "port", Verdict.WARN, f"{port.name} has a cable, at only {speed}", "try another cable, or clean the plugs"
         )
     others = [each.name for each in _candidates(facts) if each.carrier and each != port]
     if others and not _reaching(place, facts):
         return _item(
             "port",
             Verdict.WARN,
-            f"{port.name} and {', '.join(others)} have a cable: nothing here tells which leads to {place.router}",
+            f"{port.name} and {', '.join(others)} have a cable: unknown which one leads to {place.router}",
             plug,
         )
     return _item("port", Verdict.PASS, f"{port.name} has a cable, {speed}")
@@ -216,7 +218,7 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
         return _item(
             "address",
             Verdict.FAIL,
-            f"no port has an address in {place.network}, the network of {place.plug} of {place.router}",
+            f"no port has an address in {place.network} (network of {place.plug} of {place.router})",
             commands=_address_commands(place, port),
         )
     first = reaching[0]
@@ -225,13 +227,13 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
     return _item(
         "address",
         Verdict.WARN if same else Verdict.FAIL,
-        f"{first.name} has {match}; declared for this laptop is {place.laptop_address}",
+        f"{first.name} has {match}; the inventory has {place.laptop_address} for this laptop",
         commands=_address_commands(place, first),
     )
 
 
 def _route_text(route: KernelRoute) -> str:
-    return f"{route.port}, by the gateway {route.gateway}" if route.gateway else route.port
+    return f"{route.port}, through gateway {route.gateway}" if route.gateway else route.port
 
 
 def _judge_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None, address: DoctorItem) -> DoctorItem:
@@ -242,9 +244,9 @@ def _judge_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | Non
     if route is None:
         return _item("route", Verdict.FAIL, f"no route to {place.address}", commands=fix)
     if port is None or route.port != port.name or route.gateway is not None:
-        observation = f"{place.address} goes to {_route_text(route)}"
+        observation = f"{place.address} is routed to {_route_text(route)}"
         if port is not None and route.port != port.name:
-            observation = f"{place.address} goes to {_route_text(route)}, and not to {port.name}"
+            observation = f"{place.address} is routed to {_route_text(route)}, not to {port.name}"
         return _item("route", Verdict.FAIL, observation, commands=fix)
     return _judge_source(place, route, fix)
 
@@ -263,16 +265,17 @@ def _judge_source(place: RouterPlace, route: KernelRoute, fix: Sequence[str]) ->
         return _item(
             "route",
             Verdict.FAIL,
-            f"{place.address} is reached from {source}; the declared firewall of {place.router} admits {networks} only",
+            f"{place.address} is reached from {source}; the firewall of {place.router} in the inventory admits only "
+            f"{networks}",
             commands=fix,
         )
-    return _item("route", Verdict.PASS, f"{place.address} goes to {_route_text(route)}, from {source}")
+    return _item("route", Verdict.PASS, f"{place.address} is routed to {_route_text(route)}, from {source}")
 
 
 def _judge_far_route(place: RouterPlace, facts: NetworkFacts) -> DoctorItem:
     """Judge the route over a link: the laptop is not at the router and needs a route of its own to it."""
     route = facts.best_route
-    look = f"is the VPN, or the way over {place.link}, up on this laptop?"
+    look = f"is the VPN or the route over {place.link} up on this laptop?"
     if route is None:
         return _item("route", Verdict.FAIL, f"no route to {place.address}", look)
     if facts.matching and all(each.target == "default" for each in facts.matching) and place.address.is_private:
@@ -297,13 +300,13 @@ def _judge_other_ports(place: RouterPlace, facts: NetworkFacts, port: LaptopPort
     for route in facts.matching:
         inside = route.target != "default" and route.port not in port_names
         if inside and not any(f"{route.port} has" in text for text in conflicts):
-            conflicts.append(f"{route.target} goes to {_route_text(route)}")
+            conflicts.append(f"{route.target} is routed to {_route_text(route)}")
             commands.append(_sudo("ip", "route", "del", route.target, "dev", route.port))
     if conflicts:
         return _item(
-            "other ports", Verdict.WARN, f"{'; '.join(conflicts)}: in the router's network too", commands=commands
+            "other ports", Verdict.WARN, f"{'; '.join(conflicts)}: also in the router's network", commands=commands
         )
-    return _item("other ports", Verdict.PASS, f"none reaches into {place.network}")
+    return _item("other ports", Verdict.PASS, f"none in {place.network}")
 
 
 def _judge_default_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None) -> DoctorItem:
@@ -317,19 +320,19 @@ def _judge_default_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPo
         return _item(
             "default route",
             Verdict.WARN,
-            f"{through[0].port}: this laptop's updates and mail would go over the site's links",
+            f"{through[0].port}: this laptop's updates and mail would use the site's links",
             commands=[_sudo("ip", "route", "del", *words) for words in by],
         )
     if not facts.defaults:
-        return _item("default route", Verdict.PASS, "none: no other traffic of this laptop goes to the site")
+        return _item("default route", Verdict.PASS, "none: no other traffic of this laptop goes over the site")
     return _item("default route", Verdict.PASS, f"{_route_text(facts.defaults[0])}")
 
 
 def why_not_contacted(place: RouterPlace, way: Sequence[DoctorItem]) -> str | None:
     """Return why the router must not be contacted; None if one connection may be opened."""
     if any(item.name in ("port", "route") and item.verdict is Verdict.FAIL for item in way):
-        return "not contacted: the way to it is not right yet"
-    return f"not contacted: {place.link} is paid by the byte" if place.is_metered else None
+        return "not contacted: its route is not correct yet"
+    return f"not contacted: {place.link} is metered" if place.is_metered else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,7 +362,7 @@ def ask_router(place: RouterPlace) -> RouterAnswer:
 def judge_router(place: RouterPlace, answer: RouterAnswer, now: datetime | None = None) -> tuple[DoctorItem, ...]:
     """Judge whether the router responds, its identity, and whether both clocks are plausible."""
     if answer.trouble is not None:
-        hint = f"look at the power of {place.router}, and at the cable in {place.plug}"
+        hint = f"check the power of {place.router} and the cable in {place.plug}"
         return (_item("router", Verdict.FAIL, answer.trouble, hint),)
     return (_judge_identity(place, answer), _judge_dates(place, answer, now or datetime.now(UTC)))
 
@@ -367,23 +370,23 @@ def judge_router(place: RouterPlace, answer: RouterAnswer, now: datetime | None 
 def _judge_identity(place: RouterPlace, answer: RouterAnswer) -> DoctorItem:
     trust = [f"provision device trust site={place.site}"]
     if place.pin is None:
-        return _item("router", Verdict.WARN, f"{place.router} answers, and its certificate is not known", "", trust)
+        return _item("router", Verdict.WARN, f"{place.router} responds, but its certificate is not known", "", trust)
     if place.pin.replace(":", "").lower() != answer.certificate:
         return _item(
             "router",
             Verdict.FAIL,
-            f"what answers at {place.address} shows another certificate than {place.router}",
+            f"the device at {place.address} shows a different certificate than {place.router}",
             "only if the router was renewed or replaced on purpose:",
             trust,
         )
-    return _item("router", Verdict.PASS, f"{place.router} answers, with the known certificate; nobody logged in")
+    return _item("router", Verdict.PASS, f"{place.router} responds with the known certificate; no login was made")
 
 
 def _judge_dates(place: RouterPlace, answer: RouterAnswer, now: datetime) -> DoctorItem:
     begins, ends = answer.valid_from, answer.valid_until
     if begins is None or ends is None:
         return _item("dates", Verdict.INCONCLUSIVE, f"the certificate of {place.router} has no dates")
-    observation = f"its certificate is valid from {begins:%Y-%m-%d} to {ends:%Y-%m-%d}; here it is {now:%Y-%m-%d}"
+    observation = f"its certificate is valid from {begins:%Y-%m-%d} to {ends:%Y-%m-%d}; the time here is {now:%Y-%m-%d}"
     if now < begins:
         return _item("dates", Verdict.FAIL, observation, "set this laptop's clock", ["sudo timedatectl set-ntp true"])
     if now > ends:

@@ -41,7 +41,7 @@ def judge_python(version: str) -> DoctorItem:
         return _item(
             "Python",
             Verdict.FAIL,
-            f"{version}; {'.'.join(map(str, _MINIMUM_PYTHON))} or newer is needed",
+            f"{version}; {'.'.join(map(str, _MINIMUM_PYTHON))} or newer is required",
             commands=["sudo apt-get install -y python3-venv"],
         )
     return _item("Python", Verdict.PASS, version)
@@ -51,12 +51,14 @@ def judge_packages(pins: Mapping[str, str], get_version: Callable[[str], str | N
     """Judge whether `.venv` still has the pinned packages: someone may have installed or removed some since."""
     wrong = packages.drift(pins, get_version)
     if not wrong:
-        return _item("packages", Verdict.PASS, f"{len(pins)} as pinned; ansible-core {pins.get('ansible-core')}")
+        return _item(
+            "packages", Verdict.PASS, f"{len(pins)} match the pinned versions; ansible-core {pins.get('ansible-core')}"
+        )
     return _item(
         "packages",
         Verdict.FAIL,
         packages.summarise(wrong),
-        "the next start brings them back, from the package index, after:",
+        "the next start reinstalls them from the package index, after:",
         [packages.RESTORE],
     )
 
@@ -67,9 +69,9 @@ def judge_system(os_release: str) -> DoctorItem:
     title, name = properties.get("PRETTY_NAME", "unknown"), properties.get("ID", "")
     version = tuple(map(int, re.findall(r"\d+", properties.get("VERSION_ID", ""))))
     if name not in _TESTED_RELEASES or not version:
-        return _item("system", Verdict.WARN, f"{title}: not tried; Debian 12 and Ubuntu 24.04 are, and newer ones")
+        return _item("system", Verdict.WARN, f"{title}: not tested; tested are Debian 12, Ubuntu 24.04 and newer")
     if version < _TESTED_RELEASES[name]:
-        return _item("system", Verdict.WARN, f"{title}: older than what this version was tried on")
+        return _item("system", Verdict.WARN, f"{title}: older than the systems this version was tested on")
     return _item("system", Verdict.PASS, title)
 
 
@@ -88,15 +90,15 @@ class ProgramRequirement:
 def program_needs(*, computers: bool) -> tuple[ProgramRequirement, ...]:
     """Return the required programs; `computers`: the inventory has gateways or a VPN server, which need OpenSSH."""
     return (
-        ProgramRequirement("network tools", {"ip": "iproute2"}, "looking at this laptop's network", is_required=True),
         ProgramRequirement(
-            "OpenSSH", {"ssh": "openssh-client"}, "gateways and the VPN's server", is_required=computers
+            "network tools", {"ip": "iproute2"}, "reading this laptop's network settings", is_required=True
         ),
-        ProgramRequirement("ping", {"ping": "iputils-ping"}, "items of the checklist that are asked from this laptop"),
+        ProgramRequirement("OpenSSH", {"ssh": "openssh-client"}, "gateways and the VPN server", is_required=computers),
+        ProgramRequirement("ping", {"ping": "iputils-ping"}, "checklist items tested from this laptop"),
         ProgramRequirement(
             "for the VPN", {"openvpn": "openvpn"}, "reaching the sites through the VPN from this laptop"
         ),
-        ProgramRequirement("for card images", ext4.PROGRAMS, "the images of a gateway's card"),
+        ProgramRequirement("for card images", ext4.PROGRAMS, "gateway card images"),
         ProgramRequirement("for bundles", manifest.MAKERS, "bundles for gateways without internet"),
     )
 
@@ -113,8 +115,8 @@ def judge_programs(
     commands = [f"sudo apt install {' '.join(dict.fromkeys(need.packages[program] for program in missing))}"]
     programs = ", ".join(missing)
     if need.is_required:
-        return _item(need.name, Verdict.FAIL, f"missing: {programs}; needed for {need.purpose}", commands=commands)
-    return _item(need.name, Verdict.SKIP, f"missing: {programs}; only for {need.purpose}", commands=commands)
+        return _item(need.name, Verdict.FAIL, f"missing: {programs}; required for {need.purpose}", commands=commands)
+    return _item(need.name, Verdict.SKIP, f"missing: {programs}; required only for {need.purpose}", commands=commands)
 
 
 def debian_versions(packages: Iterable[str]) -> dict[str, str]:
@@ -149,10 +151,10 @@ def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorI
         return _item(
             name,
             Verdict.SKIP,
-            f"routers only; for gateways are missing: {debian}",
+            f"routers only; missing for gateways: {debian}",
             commands=[f"sudo apt install {debian}"],
         )
-    return _item(name, Verdict.PASS, "routers and gateways: what real systems need is installed")
+    return _item(name, Verdict.PASS, "routers and gateways: everything required for real systems is installed")
 
 
 def software_items(root: Path, *, computers: bool) -> Iterator[DoctorItem]:
@@ -162,7 +164,9 @@ def software_items(root: Path, *, computers: bool) -> Iterator[DoctorItem]:
     if lock.is_file():
         yield judge_packages(packages.pinned_packages(lock.read_text(encoding="utf-8")), packages.installed_version)
     else:
-        yield _item("packages", Verdict.SKIP, "no requirements/run.txt beside the program: it was installed otherwise")
+        yield _item(
+            "packages", Verdict.SKIP, "no requirements/run.txt next to the program: it was installed another way"
+        )
     yield judge_system(_os_release())
     needs = program_needs(computers=computers)
     versions = debian_versions(

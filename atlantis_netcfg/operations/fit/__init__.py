@@ -80,12 +80,12 @@ class TopicFit:
         yield from self.guidelines()
         name = self.topic.topic
         if not self.topic.reliable and self.message_loss is not None and self.message_loss > LOSSY:
-            yield f"of {name} {self.message_loss:.0%} of the messages would not arrive whole: make them smaller"
+            yield f"of {name}, {self.message_loss:.0%} of the messages would be incomplete: make them smaller"
         if self.topic.reliable and self.cost.packets_up > 2 * self.cost.fragments:
             packets, once = round(self.cost.packets_up), self.cost.fragments
-            yield f"a message of {name} takes {packets} packets, because it is reliable; by best effort it takes {once}"
+            yield f"a reliable message of {name} takes {packets} packets; with best effort it takes {once}"
         if self.seconds > LONG_S:
-            yield f"a message of {name} takes {self.seconds:.1f} s to leave the site, and what comes behind it waits"
+            yield f"a message of {name} takes {self.seconds:.1f} s to leave the site and delays those behind it"
 
     def guidelines(self) -> Iterator[str]:
         """Yield the report's guidelines that the topic's rate, original or lowered, violates."""
@@ -137,13 +137,13 @@ class LinkFit:
     @property
     def word(self) -> str:
         """The result as text."""
-        return "fits" if self.fits else "fits when thinned" if self.fits_thinned else "does not fit"
+        return "fits" if self.fits else "fits at reduced rates" if self.fits_thinned else "does not fit"
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the link, then about all topics."""
         kept_off = (
-            () if self.crosses else (f"DDS does not cross {self.link.name}: it would with `dds: true` at the link",)
+            () if self.crosses else (f"DDS does not use {self.link.name}: set `dds: true` at the link to allow it",)
         )
         return (*kept_off, *(words for topic in self.topics for words in topic.warnings()))
 
@@ -281,8 +281,8 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
     )
     if profile is None or not subscribers:
         raise errors.NoMatchError(
-            f"nobody at {site} publishes to a control centre",
-            hint="declare a control centre, and a gateway or a peer of `dds:` at the site",
+            f"no device at {site} publishes to a control centre",
+            hint="add a control centre to the inventory, and a gateway or a `dds:` peer at the site",
         )
     selected_run = None if run is None else link_capacity.named_run(stores, site, run)
     links, flows = (
@@ -320,11 +320,8 @@ def unfit_vehicles(pilot_inventory: inventory.Inventory, now: datetime) -> Itera
             with suppress(errors.NoMatchError):
                 fit = vehicle_fit(pilot_inventory, (), name, key, now)
                 if not any(link.fits_thinned and link.crosses for link in fit.links):
-                    message = (
-                        f"no link of {name} that DDS may cross carries what `{key}` publishes, "
-                        "also at the lowest useful rates"
-                    )
-                    hint = f"`provision measure fit site={name} vehicle={key}` says how much, and what would fit"
+                    message = f"no DDS link of {name} carries what `{key}` publishes, even at the lowest useful rates"
+                    hint = f"`provision measure fit site={name} vehicle={key}` shows details, and what would fit"
                     yield inventory.Finding.at(pilot_inventory.places[name, site.bearers[0].name], message, hint)
 
 
@@ -332,16 +329,16 @@ def require_vehicle(pilot_inventory: inventory.Inventory, site: str, vehicle: st
     """Raise UsageError or NoMatchError, with the existing choices, for an unknown site or vehicle."""
     if site == inventory.ALL:
         raise errors.UsageError(
-            "`provision measure fit` is about one site at a time", hint="type its name: `site=coastal`"
+            "`provision measure fit` takes one site at a time", hint="type its name: `site=coastal`"
         )
     inventory.choose(pilot_inventory, site)
     if vehicle not in pilot_inventory.vehicles:
         near, choices = (
             errors.nearest(vehicle, pilot_inventory.vehicles),
-            f"the vehicles are: {', '.join(pilot_inventory.vehicles)}",
+            f"vehicles: {', '.join(pilot_inventory.vehicles)}",
         )
         hint = f"did you mean `{near}`? {choices}" if near else choices
-        raise errors.NoMatchError(f"there is no vehicle `{vehicle}`", hint=hint)
+        raise errors.NoMatchError(f"vehicle `{vehicle}` does not exist", hint=hint)
 
 
 def _telemetry(inventory: inventory.Inventory, site: str, vehicle: str) -> tuple[model.TelemetryTopic, ...]:
@@ -349,8 +346,8 @@ def _telemetry(inventory: inventory.Inventory, site: str, vehicle: str) -> tuple
     topics = inventory.vehicles[vehicle].telemetry
     if not topics:
         raise errors.NoMatchError(
-            f"`{vehicle}` has no `telemetry:`: nothing is known of what it publishes",
-            hint="declare its topics in group_vars/all/vehicles.yml; docs/measuring.md shows how",
+            f"`{vehicle}` has no `telemetry:`: its data rates are unknown",
+            hint="set its topics in group_vars/all/vehicles.yml (see docs/measuring.md)",
         )
     return topics
 
@@ -361,7 +358,7 @@ def _links(
     if selected_run is not None:
         if link is not None and link != selected_run.run.link:
             raise errors.UsageError(
-                f"run {selected_run.run.id} has measured {selected_run.run.link}, not {link}", hint="leave out `link=`"
+                f"run {selected_run.run.id} measured {selected_run.run.link}, not {link}", hint="remove `link=`"
             )
         link = selected_run.run.link
     return inventory.sites[site].bearers if link is None else (link_named(inventory, site, link),)

@@ -26,8 +26,8 @@ USABLE: Final = 0.7
 """Usable share of a capacity: facts/devices.md, section 9."""
 _SOURCES: Final = {
     (True, True): "measured",
-    (True, False): "measured up, declared down",
-    (False, True): "declared up, measured down",
+    (True, False): "measured up, from inventory down",
+    (False, True): "from inventory up, measured down",
     (False, False): "declared",
 }
 
@@ -92,7 +92,7 @@ def capacity_of(link: Link, saved_run: SavedRun | None, now: datetime, within_da
     """
     pace, down = declared_pace(link), link.rate.down_kbps * 1000
     if saved_run is None:
-        doubt = "only the declared rate is known: nobody has measured this link"
+        doubt = "only the rate in the inventory is known: this link was not measured"
         return Capacity(pace, down, None, "declared", doubt=doubt)
     from atlantis_netcfg.links.qualify.archive import record_of  # noqa: PLC0415 - `validate` has no run to read
 
@@ -111,12 +111,12 @@ def capacity_of(link: Link, saved_run: SavedRun | None, now: datetime, within_da
 
 def _doubts(run: MeasuredRun, oldest: datetime, up: float | None, down: float | None) -> Iterator[str]:
     if run.emulated:
-        yield "the run was emulated: it says nothing of the real link"
+        yield "the run was emulated: it proves nothing about the real link"
     if run.way is not Verdict.PASS:
-        yield f"the run does not prove that it went over {run.link}"
+        yield f"the run does not prove that it used {run.link}"
     if run.begun < oldest:
-        yield "the run is older than `qualified_within_days` of the checklist admits"
+        yield "the run is older than `qualified_within_days` of the checklist allows"
     if not up:
-        yield "the run has no capacity from the site: the declared one is taken"
+        yield "the run measured no capacity from the site: the inventory's is used"
     if not down:
-        yield "the run has no capacity to the site: the declared one is taken"
+        yield "the run measured no capacity to the site: the inventory's is used"

@@ -76,8 +76,8 @@ def measure(inventory: Inventory, site: str, vehicle: str, seconds: float, addre
     observation, reports = robots.discover(inventory, site, seconds, address)
     report = next((each for each in reports if (each.vehicle, each.state) == (vehicle, RobotState.DECLARED)), None)
     if report is None:
-        message = f"`{vehicle}` was not heard at {site} in {observation.seconds:.0f} s"
-        hint = f"`provision robot discover site={site}` says who is heard"
+        message = f"no messages of `{vehicle}` received at {site} in {observation.seconds:.0f} s"
+        hint = f"`provision robot discover site={site}` shows the received robots"
         raise TelemetryUnknown(message, hint=hint)
     return telemetry_of(site, report, robot, inventory.vehicles[vehicle], observation.seconds)
 
@@ -106,8 +106,8 @@ def telemetry_of(
             topics.append(entry)
             unknown += [topic.name] if len(rates) < len(writers) else []
     if unknown:
-        message = f"the rate of {', '.join(unknown)} of `{report.vehicle}` is not known after {seconds:.0f} s"
-        raise TelemetryUnknown(message, hint="three messages of each tell it: listen longer, `observed=5m`")
+        message = f"the rate of {', '.join(unknown)} of `{report.vehicle}` is still unknown after {seconds:.0f} s"
+        raise TelemetryUnknown(message, hint="three messages of each are needed: listen longer, `observed=5m`")
     others = sorted({each.topic for each in report.topics} - {each.topic for each in topics})
     return MeasuredTelemetry(site, str(report.vehicle), seconds, tuple(topics), tuple(others), report.findings)
 
@@ -138,7 +138,7 @@ def change(inventory: Inventory, telemetry: MeasuredTelemetry, day: date) -> Tel
     before = (inventory.root / file).read_bytes().decode()
     if vehicle.telemetry == telemetry.topics:
         return TelemetryChange(file, before, before, rows)
-    comment = f"as heard at {telemetry.site} on {day.isoformat()}, in {telemetry.seconds:.0f} s"
+    comment = f"received at {telemetry.site} on {day.isoformat()}, within {telemetry.seconds:.0f} s"
     after = with_telemetry(before, (block, telemetry.vehicle), comment, rows)
     expected_vehicles = telemetry.of(inventory).vehicles
     if after is not None and inventory_files.validate_change(inventory.root, file, after).vehicles != expected_vehicles:
@@ -149,14 +149,16 @@ def change(inventory: Inventory, telemetry: MeasuredTelemetry, day: date) -> Tel
 def write(inventory: Inventory, telemetry: MeasuredTelemetry, edit: TelemetryChange) -> None:
     """Write the change; raise TelemetryUnknown if the robot differs from its file, or UsageError."""
     if (wrong := telemetry.wrong) is not None:
-        message = f"nothing was written, for `{telemetry.vehicle}` is not as its file says: {wrong.message}"
-        raise TelemetryUnknown(message, hint=f"`provision robot discover site={telemetry.site}` says all that differs")
+        message = f"nothing was written, because `{telemetry.vehicle}` does not match its file: {wrong.message}"
+        raise TelemetryUnknown(message, hint=f"`provision robot discover site={telemetry.site}` shows all differences")
     if (inventory.root / edit.file).read_bytes().decode() != edit.before:
-        raise errors.UsageError(f"{edit.file} has changed meanwhile: nothing was written", hint="type the same again")
-    if edit.after is None:
-        hint = "write the lines there that are shown without `--write`"
         raise errors.UsageError(
-            f"`{telemetry.vehicle}` is not written in {edit.file} as this command can write it", hint=hint
+            f"{edit.file} changed in the meantime: nothing was written", hint="run the same command again"
+        )
+    if edit.after is None:
+        hint = "add the lines shown without `--write` by hand"
+        raise errors.UsageError(
+            f"`{telemetry.vehicle}` is not written in {edit.file} in a form that this command can edit", hint=hint
         )
     if edit.difference:
         inventory_files.write(inventory.root, edit.file, edit.after)

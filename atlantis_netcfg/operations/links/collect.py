@@ -77,7 +77,7 @@ class LinkQueries:
         names = {host.name for host in selected_hosts}
         work = []
         for host in hosts:
-            reason = self._why_not(host) if host.name in names else "left out by `device=`"
+            reason = self._why_not(host) if host.name in names else "excluded by `device=`"
             if reason is None:
                 work.append(self._read_host(host, routes))
             else:
@@ -93,16 +93,16 @@ class LinkQueries:
         """Return why a host is not queried; None if it is."""
         device = host.device
         if isinstance(device, model.SatelliteTerminal):
-            return "no machine interface of it is documented: a person looks at its pages"
+            return "no documented interface for programs: check its web pages by hand"
         if isinstance(device, model.LteRouter) and device.driver is model.LteDriver.MANUAL:
-            return "`driver: manual`: a person looks at its own page"
+            return "`driver: manual`: check its own web page"
         if not is_supported(host) and not isinstance(device, model.LteRouter):
-            return f"nobody reads a {device.kind.replace('_', ' ')} yet"
+            return f"reading a {device.kind.replace('_', ' ')} is not supported yet"
         missing = self.request.rehearsed and host.name not in self.request.targets
-        return "it is not emulated in this rehearsal" if missing else None
+        return "not emulated in this rehearsal" if missing else None
 
     async def _read_host(self, host: Host, routes: Sequence[policy.LinkRoute]) -> None:
-        self.notify(events.Event(host.name, events.Stage.CONNECTING, "to be read, not changed"))
+        self.notify(events.Event(host.name, events.Stage.CONNECTING, "read-only"))
         try:
             self.answers[host.name] = await self._reading(host, routes)
         except errors.NetcfgError as error:
@@ -328,7 +328,7 @@ async def collect_links(  # noqa: PLR0913, PLR0917 - all that a command line say
         (site_host for site_host in inventory.site_hosts(site) if isinstance(site_host.device, model.Router)), None
     )
     if router is None:
-        raise errors.NoMatchError(f"site `{site}` has no router, and only a router knows its links")
+        raise errors.NoMatchError(f"site `{site}` has no router, and only a router reports its links")
     routes = ways_of(inventory, router)
     began = datetime.now(UTC)
     queries = LinkQueries(inventory, router, request, notify, patience_s)
@@ -495,5 +495,5 @@ class _LinkSite:
         try:
             return months(usage, self.router.name, self._reading, self.ways, self.now)
         except errors.NetcfgError as error:
-            self.notes.append(f"the bytes of this month are not known: {error}")
+            self.notes.append(f"the bytes of this month are unknown: {error}")
             return dict.fromkeys((route.name for route in self.ways), runs.MonthBytes())

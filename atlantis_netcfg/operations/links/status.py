@@ -122,8 +122,8 @@ def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
     """Downgrade a silent far end to inconclusive while the bridge is down, when silence is expected."""
     if boxes.state in {None, LinkState.UP, LinkState.UNKNOWN} or far not in boxes.silent:
         return boxes
-    message = f"{far.device} cannot be read, as is to be expected while the bridge is down: {far.message}"
-    hint = "repair the bridge first; if it stays away after that, look at its power"
+    message = f"cannot read {far.device}, as expected while the bridge is down: {far.message}"
+    hint = "repair the bridge first; if it still does not respond, check its power"
     finding = LinkFinding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
     rest = tuple(item for item in boxes.silent if item is not far)
     return replace(boxes, findings=(*boxes.findings, finding), silent=rest)
@@ -131,7 +131,7 @@ def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
 
 def _end_status(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> BoxesStatus:
     if look.reading is None:
-        message = f"{host.name}: its menus show no radio"
+        message = f"{host.name}: no radio in its menus"
         hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi.md"
         return BoxesStatus(LinkState.DOWN, {}, (LinkFinding(Verdict.FAIL, "no-radio", message, hint),))
     if not others:
@@ -167,9 +167,9 @@ _WORSE = (LinkState.UP, LinkState.UNKNOWN, LinkState.SEARCHING, LinkState.DOWN)
 def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[LinkFinding, ...]:
     """Return findings about silent devices: minor if their link works, severe if nothing responds over it."""
     verdict = Verdict.INCONCLUSIVE if answers is not False else Verdict.FAIL
-    suffix = {True: ", but its link works", None: "", False: ", and nobody answers over its link"}[answers]
+    suffix = {True: ", but its link works", None: "", False: ", and nothing responds over its link"}[answers]
     return tuple(
-        LinkFinding(verdict, "device-unreachable", f"{item.device} cannot be read{suffix}: {item.message}", item.hint)
+        LinkFinding(verdict, "device-unreachable", f"cannot read {item.device}{suffix}: {item.message}", item.hint)
         for item in silent
     )
 
@@ -361,7 +361,7 @@ def _quality(observation: SeenLinks) -> Quality:
 
 def _findings(observation: SeenLinks) -> Iterator[LinkFinding]:
     if isinstance(observation.router, Silent):
-        message = f"the router cannot be read, so nobody knows whether this link works: {observation.router.message}"
+        message = f"cannot read the router, so the state of this link is unknown: {observation.router.message}"
         yield LinkFinding(Verdict.INCONCLUSIVE, "router-unreachable", message, observation.router.hint)
     yield from _port_findings(observation)
     yield from _of_strangers(observation)
@@ -383,18 +383,18 @@ def _port_findings(observation: SeenLinks) -> Iterator[LinkFinding]:
     name, port = observation.route.port, observation.port
     reading = observation.reading
     if reading is not None and reading.ports is not None and port is None:
-        hint = "compare `ports` in the router's host_vars with the box"
+        hint = "compare `ports` in the router's host_vars with the device"
         yield LinkFinding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
     elif reading is not None and (alias := reading.port_aliases.get(name or "")) is not None:
-        hint = "run the site: ports get their names back, and what is declared for a port comes to its socket"
-        message = f"port {name} of the router is called {alias} there: what the router does by names is elsewhere"
+        hint = "run provision for the site: it restores port names and applies the port settings"
+        message = f"port {name} of the router is named {alias} there: settings bound to the name apply elsewhere"
         yield LinkFinding(Verdict.FAIL, "port-renamed", message, hint)
     elif port is not None and port.is_disabled:
-        hint = "run the site to enable it, or look who has disabled it"
-        yield LinkFinding(Verdict.FAIL, "port-disabled", f"port {name} of the router is switched off", hint)
+        hint = "apply the site's configuration to enable it, or find out who disabled it"
+        yield LinkFinding(Verdict.FAIL, "port-disabled", f"port {name} of the router is disabled", hint)
     elif port is not None and port.running is False:
         fed = f" from PoE of {observation.power_port}" if observation.power_port else ""
-        hint = f"is the cable plugged in at both ends, and has the box power{fed}?"
+        hint = f"is the cable plugged in at both ends, and does the device have power{fed}?"
         yield LinkFinding(Verdict.FAIL, "port-down", f"port {name} of the router has no link", hint)
 
 
@@ -420,17 +420,17 @@ def _of_probe_targets(observation: SeenLinks, *, is_explained: bool) -> Iterator
     """Report silent probe targets; a link that is down is reported once, by the finding that explains it."""
     silent = [echo.target for echo in observation.echoes if not echo.received_count]
     if observation.answers is False and not is_explained:
-        message = f"no canary answers over this link ({', '.join(silent)})"
+        message = f"no probe target responds over this link ({', '.join(silent)})"
         waits = observation.boxes_status.state is LinkState.UP
         hint = (
-            "its own box is connected: look beyond it, at the far router or the provider"
+            "its device is connected: check beyond it, at the far router or the provider"
             if waits
-            else "look at the box of this link, then at what is beyond it"
+            else "check the device of this link, then what is beyond it"
         )
         yield LinkFinding(Verdict.FAIL, "canaries-silent", message, hint)
     elif observation.answers and silent:
-        message = f"{', '.join(silent)} does not answer over this link, the others do"
-        hint = "one canary alone proves the link; if it stays silent, declare another one in `canaries`"
+        message = f"{', '.join(silent)} does not respond over this link, the others do"
+        hint = "one probe target is enough to prove the link; if it stays silent, set another one in `canaries`"
         yield LinkFinding(Verdict.WARN, "canary-silent", message, hint)
     elif observation.answers and any(echo.received_count < echo.sent_count for echo in observation.echoes):
         sent_count, received_count = (
@@ -438,9 +438,7 @@ def _of_probe_targets(observation: SeenLinks, *, is_explained: bool) -> Iterator
             sum(echo.received_count for echo in observation.echoes),
         )
         message = f"{sent_count - received_count} of {sent_count} pings were lost"
-        yield LinkFinding(
-            Verdict.WARN, "loss", message, "look again; a link that keeps losing packets is about to fail"
-        )
+        yield LinkFinding(Verdict.WARN, "loss", message, "check again; a link that keeps losing packets may fail soon")
 
 
 def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, LinkFinding], ...]:
@@ -459,8 +457,8 @@ def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, LinkFinding], .
 
 def _duplicate_address_finding(address: str, many: Sequence[SeenLinks]) -> LinkFinding:
     where = " and ".join(f"{item.route.port} ({item.route.name})" for item in many)
-    message = f"{address} answers on {where}: two boxes with one address, of which the router can reach one only"
-    return LinkFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
+    message = f"{address} responds on {where}: two devices share one address, and the router reaches only one"
+    return LinkFinding(Verdict.FAIL, "address-twice", message, "give each device its address from the inventory")
 
 
 def rank(
@@ -485,8 +483,8 @@ def _add_rank_findings(statuses: Sequence[LinkStatus], fail_back_s: int) -> tupl
     active = [status.name for status in statuses if status.active]
     if not active:
         first, *others = statuses
-        message = "no default route leads over any link: nothing leaves the site"
-        hint = "a router that was never configured has none: run the site; else see what is said of each link"
+        message = "no default route uses any link: no traffic leaves the site"
+        hint = "a router that was never configured has none: run the site; otherwise see the results of each link"
         return (_add_finding(first, LinkFinding(Verdict.FAIL, "no-way-out", message, hint)), *others)
     place = min(number for number, status in enumerate(statuses) if status.active)
     return tuple(_rank_status(status, number, place, statuses, fail_back_s) for number, status in enumerate(statuses))
@@ -496,11 +494,11 @@ def _rank_status(
     status: LinkStatus, number: int, place: int, statuses: Sequence[LinkStatus], fail_back_s: int
 ) -> LinkStatus:
     if number < place and status.state is LinkState.UP:
-        message = f"it answers, but {statuses[place].name} carries the traffic"
-        hint = f"it is taken again when it has answered for {fail_back_s} s without a break: look again after that"
+        message = f"it responds, but {statuses[place].name} carries the traffic"
+        hint = f"it is used again after it has responded for {fail_back_s} s without interruption: check again then"
         return _add_finding(status, LinkFinding(Verdict.WARN, "not-taken-yet", message, hint))
     if number and status.active:
-        cost_note = ", and every byte is paid" if status.is_metered else ""
+        cost_note = ", and it is metered" if status.is_metered else ""
         message = f"it carries the traffic in place of {statuses[0].name}{cost_note}"
         return _add_finding(
             status, LinkFinding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}")

@@ -82,8 +82,8 @@ def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
     if end.code:
         words = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
         raise rutos_settings.SettingError(
-            f"the unit's configuration cannot be read over SSH: {words}",
-            hint="is `admin_user` one who may log in over SSH, and is this a Teltonika unit?",
+            f"cannot read the unit's configuration over SSH: {words}",
+            hint="may `admin_user` log in over SSH, and is this a Teltonika unit?",
         )
     return rutos_settings.parse_show(end.out)
 
@@ -195,8 +195,8 @@ class UnitConvergence:
                 return settings
             if self._approved_hash is not None and self._approved_hash != settings.hash:
                 raise errors.DeviceError(
-                    f"{unit.name}: what differs is no longer what was agreed to, so nothing was set",
-                    hint="run it again and look at the plan",
+                    f"{unit.name}: the differences are no longer those that were confirmed, so nothing was set",
+                    hint="run it again and review the plan",
                 )
             self._write(shell, settings, sections)
             return replace(settings, is_done=True, commands=shell.count)
@@ -220,7 +220,7 @@ class UnitConvergence:
         # A unit whose network reloads may drop the session: a new one tells what has come of it.
         with suppress(ConsoleLost):
             shell.run(rutos_settings.RELOAD)
-        self._tell(events.Stage.VERIFYING, "reading back in a new session")
+        self._tell(events.Stage.VERIFYING, "verifying in a new session")
         now = self._read_back()
         applied_changes = [
             item
@@ -234,7 +234,7 @@ class UnitConvergence:
                 f"{name}: {len(applied_changes)} of {len(settings.changes)} settings were kept; not kept: "
                 f"{missing_change.package}."
                 f"{missing_change.section}.{missing_change.option}{f' ({words.splitlines()[0]})' if words else ''}",
-                hint="is the unit's flash full, or its configuration locked? Look at its own page",
+                hint="is the unit's flash full, or its configuration locked? Check its own web page",
             )
         self._journal.write(runs.ActionConfirmation(device=name, actions=numbers))
         self._touched = False
@@ -260,8 +260,8 @@ class UnitConvergence:
             shell.run(rutos_settings.WRITE, input_text=rutos_settings.removal(wrong))
             if rutos_settings.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
                 raise errors.DeviceError(
-                    f"{self._unit.name}: the unit keeps the PIN that the SIM has refused, and would try it again",
-                    hint="remove the PIN on the unit's own page before it starts again",
+                    f"{self._unit.name}: the unit still stores the PIN that the SIM refused, and would send it again",
+                    hint="remove the PIN on the unit's web page before it restarts",
                 )
             return replace(settings, taken_back=True, commands=settings.commands + shell.count)
 
@@ -311,7 +311,7 @@ class UnitConvergence:
             message, hint = f"{message}; {worst.message}", worst.hint
             code = errors.ExitCode.CHECKS_FAILED if code is errors.ExitCode.DONE else code
         if settings.refusal is not None:
-            message = f"left as found, nothing was set: {settings.refusal}"
+            message = f"not changed: {settings.refusal}"
         return LteResult(
             name=self._unit.name,
             status=status,
@@ -337,25 +337,25 @@ class UnitConvergence:
         words = _state(reading)
         if settings.is_done:
             summary = f"{len(settings.changes) - settings.taken_back} settings applied and verified"
-            back = ", the PIN taken back" if settings.taken_back else ""
+            back = ", PIN removed" if settings.taken_back else ""
             return Status.CHANGED, errors.ExitCode.DONE, f"{summary}{back}; {words}"
         if settings.changes:
             return Status.PLANNED, errors.ExitCode.CHANGES, f"{len(settings.changes)} settings would be set; {words}"
         if self._unit.device.driver is LteDriver.MANUAL:
-            return Status.UNCHANGED, errors.ExitCode.NOTHING, "not checked: only a person can look at this 4G unit"
+            return Status.UNCHANGED, errors.ExitCode.NOTHING, "not checked: this 4G unit must be checked by hand"
         if self._unit.may_set:
-            return Status.UNCHANGED, errors.ExitCode.DONE, f"as declared, nothing was changed; {words}"
+            return Status.UNCHANGED, errors.ExitCode.DONE, f"matches the inventory, nothing was changed; {words}"
         return Status.UNCHANGED, errors.ExitCode.DONE, f"checked only; {words}"
 
     def _unset(self) -> tuple[str, ...]:
         """Return notes on settings that the driver does not change."""
         driver, sim = self._unit.device.driver, self._unit.device.sim
         if driver is LteDriver.RUTOS and not self._unit.may_set:
-            return ("no `admin_user` is declared under `access`: the SIM's settings are compared, and not set",)
+            return ("no `admin_user` under `access`: the SIM settings are compared but not set",)
         if driver is LteDriver.RUTOS and sim.bands:
-            return ("bands are compared with the band in use, and not set: the unit's own page sets them",)
+            return ("bands are compared with the band in use but not set: set them on the unit's web page",)
         if driver in (LteDriver.AT, LteDriver.MODEMMANAGER):
-            return (f"driver {driver} reads only: the SIM's settings are compared, and not set",)
+            return (f"driver {driver} is read-only: the SIM settings are compared but not set",)
         return ()
 
     def _failure_result(self, error: errors.NetcfgError, status: Status) -> LteResult:

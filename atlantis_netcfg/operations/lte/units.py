@@ -104,7 +104,7 @@ class LteUnit:
     def look(self) -> UnitStatus:
         """Read and judge the unit without changes; raise DeviceError or EmulationUnavailable."""
         if self.is_rehearsal and self.target is None and self.device.driver is not model.LteDriver.MANUAL:
-            raise EmulationUnavailable(f"not looked at: there is no emulation for driver {self.device.driver}")
+            raise EmulationUnavailable(f"not checked: driver {self.device.driver} has no emulator")
         readers: dict[model.LteDriver, Callable[[], UnitStatus]] = {
             model.LteDriver.RUTOS: self._rutos,
             model.LteDriver.AT: self._at,
@@ -174,8 +174,7 @@ class LteUnit:
         saved_serial = self.pins.pin(f"{_SERIAL}{self.name}", serial)
         if saved_serial != serial:
             raise errors.DeviceError(
-                f"{self.name}: another unit answers here: serial number {serial}, "
-                f"and the one that was met is {saved_serial}",
+                f"{self.name}: another unit responds here: serial number {serial}, expected {saved_serial}",
                 hint="if the unit was replaced on purpose, remove its lines from pins.json in the state folder",
             )
 
@@ -238,7 +237,7 @@ class LteResult:
             "estimate": None,
             "plan_hash": self.plan_hash,
             "protection": "none",
-            "protection_words": "none: the settings of a 4G unit are written at once, and read back",
+            "protection_words": "none: the settings of a 4G unit are written directly and read back",
             "round_trips": self.requests,
             "bytes": {"sent": self.sent_bytes, "received": self.received_bytes},
             "seconds": round(self.seconds, 3),
@@ -289,10 +288,8 @@ def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
     reasons = {
         model.LteDriver.RUTOS: rutos.NOT_REHEARSED,
         model.LteDriver.AT: modem.NOT_REHEARSED,
-        model.LteDriver.MODEMMANAGER: (
-            "ModemManager and its modem: nothing of them is emulated, and nothing was looked at",
-        ),
-        model.LteDriver.MANUAL: ("a 4G unit without a driver: only a person can look at it",),
+        model.LteDriver.MODEMMANAGER: ("ModemManager and its modem are not emulated and were not checked",),
+        model.LteDriver.MANUAL: ("a 4G unit without a driver must be checked by hand",),
     }
     return tuple(line for driver, lines in reasons.items() if driver in drivers for line in lines)
 

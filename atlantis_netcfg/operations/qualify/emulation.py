@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
     from atlantis_netcfg.operations.qualify.routing import MeasuredFlow
 
-_LINK = "the link: it does what is declared below `rate`, and nothing else"
+_LINK = "the link behaves exactly as set under `rate`"
 _TUNNEL_PORT = 1194
 """VPN port of the emulated computer."""
-_VPN = "the VPN: its octets are counted around each packet, and no tunnel is made"
-_FAR_END = "the far end: a real measurement starts it over SSH first"
-_ROUTER = "the router: it does not carry the test packets, and is told afterwards what a relay of this computer carried"
+_VPN = "the VPN: its bytes are added to each packet, but no tunnel is created"
+_FAR_END = "the far end: a real measurement first starts it over SSH"
+_ROUTER = "the router does not carry the test packets; its counters are set from a relay on this computer"
 
 
 def not_rehearsed(emulators: Rehearsal, *, over_vpn: bool = False) -> tuple[str, ...]:
@@ -74,7 +74,7 @@ class EmulatedLink:
         if answer["passed"]:
             return []
         port = answer["port"] or "any port"
-        return [f"the emulated router would have let none of the test packets pass by {port}"]
+        return [f"the emulated router would not have passed any test packet through {port}"]
 
 
 @contextmanager

@@ -60,8 +60,8 @@ class MeasuredFarEnd:
             return
         if selection is not Selection.TELEMETRY:
             raise errors.UsageError(
-                f"`profile={selection}` needs a far end of ours, which confirms messages",
-                hint="leave `far=` out, or type `profile=telemetry`",
+                f"`profile={selection}` needs our own far end, which confirms messages",
+                hint="remove `far=`, or type `profile=telemetry`",
             )
         for link in links:
             targets = satellite_allow_list.allowed_targets(inventory.pilot, link)
@@ -69,8 +69,8 @@ class MeasuredFarEnd:
                 targets, IPv4Address(self.address), self.port, model.Transport.UDP
             ):
                 raise NothingToQualify(
-                    f"`{link.name}` lets nothing pass to {self.address}, UDP port {self.port}",
-                    hint="declare it below `allow` of that link, or leave `far=` out",
+                    f"`{link.name}` blocks traffic to {self.address}, UDP port {self.port}",
+                    hint="add it under `allow` of that link, or remove `far=`",
                 )
 
 
@@ -80,20 +80,20 @@ def far_end_of(inventory: Inventory, *, over_vpn: bool, other: str | None = None
     Only a tunnel over UDP can be routed over another link without breaking.
     """
     if over_vpn and inventory.pilot.vpn.transport is not model.Transport.UDP:
-        why = "the VPN goes over TCP, and such a tunnel cannot be led over another link without breaking"
-        raise NothingToQualify(why, hint="leave `over=vpn` out")
+        why = "the VPN uses TCP, and such a tunnel cannot be moved to another link without breaking"
+        raise NothingToQualify(why, hint="remove `over=vpn`")
     if other is not None:
         return _parse_far_end(inventory, other, over_vpn=over_vpn)
     qualify, target = inventory.pilot.qualify, satellite_allow_list.far_end(inventory.pilot)
     if qualify is None or target is None:
         hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/measuring.md)"
-        raise NothingToQualify("the pilot declares no far end that could answer test packets", hint=hint)
+        raise NothingToQualify("the inventory has no far end that responds to test packets", hint=hint)
     address = target.address
     if over_vpn:
         device = inventory.hosts[qualify.reflector].device
         inside = device.vpn_address if isinstance(device, model.ServerComputer) else None
         if inside is None:
-            raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="leave `over=vpn` out")
+            raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="remove `over=vpn`")
         address = inside
     return MeasuredFarEnd(qualify.reflector, str(address), qualify.port, key_of(qualify))
 
@@ -117,18 +117,20 @@ def open_far_end(inventory: Inventory, request: Request) -> None:
     access = computer_access(inventory, host, request)
     line = f"systemctl start {QUALIFY_SERVICE}"
     command = [*ssh_command(access), f"sudo -n {line}" if access["become"] else line]
-    hint = f"see that you reach it over SSH; `provision site={host.site} device={host.name}` sets it up"
+    hint = f"check that you can reach it over SSH; `provision site={host.site} device={host.name}` sets it up"
     try:
         process = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
             command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_OPENING_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise FarEndUnavailable(f"{host.name} did not open the far end of measurements: {error}", hint=hint) from None
+        raise FarEndUnavailable(
+            f"{host.name} did not start the far end of the measurement: {error}", hint=hint
+        ) from None
     if process.returncode:
         if (trouble := key_trouble(host.name, process.stderr)) is not None:
             raise FarEndUnavailable(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
         last = process.stderr.strip().rpartition("\n")[2] or f"exit {process.returncode}"
-        raise FarEndUnavailable(f"{host.name} did not open the far end of measurements: {last}", hint=hint)
+        raise FarEndUnavailable(f"{host.name} did not start the far end of the measurement: {last}", hint=hint)
 
 
 def _parse_far_end(inventory: Inventory, text: str, *, over_vpn: bool) -> MeasuredFarEnd:
@@ -139,10 +141,10 @@ def _parse_far_end(inventory: Inventory, text: str, *, over_vpn: bool) -> Measur
     except ValueError:
         address, port = IPv4Address(0), 0
     if address.is_unspecified or address.is_multicast or not 0 < port < 1 << 16:
-        raise errors.UsageError(f"`far={text}` is no IPv4 address", hint=f"type it like `far=192.0.2.7:{PORT}`")
+        raise errors.UsageError(f"`far={text}` is not an IPv4 address", hint=f"type it like `far=192.0.2.7:{PORT}`")
     if over_vpn and address not in inventory.pilot.vpn.network:
         raise errors.UsageError(
-            f"`far={text}` is no address in the VPN ({inventory.pilot.vpn.network})", hint="leave `over=vpn` out"
+            f"`far={text}` is not an address in the VPN ({inventory.pilot.vpn.network})", hint="remove `over=vpn`"
         )
     return MeasuredFarEnd(text, str(address), port, None)
 
@@ -152,8 +154,8 @@ def source_in_vpn(inventory: Inventory, far: str, port: int) -> str:
     address = _address_towards(far, port)
     if address not in inventory.pilot.vpn.network:
         raise errors.UsageError(
-            f"this computer has no tunnel of its own that is up: it would send to {far} from {address}",
-            hint="measure from a computer that is in the VPN and connected, or leave `over=vpn` out",
+            f"this computer has no active tunnel: it would send to {far} from {address}",
+            hint="measure from a computer connected to the VPN, or remove `over=vpn`",
         )
     return str(address)
 
@@ -164,8 +166,8 @@ def source_of(inventory: Inventory, site: str, far: str, port: int) -> str:
     place = inventory.sites[site]
     if address not in place.lan.network and address not in place.management.network:
         raise errors.UsageError(
-            f"this computer would send from {address}, and only packets from networks of `{site}` pass its router",
-            hint=f"plug it into the LAN ({place.lan.network}) or the management port ({place.management.network})",
+            f"this computer would send from {address}, but the router forwards only packets from networks of `{site}`",
+            hint=f"connect it to the LAN ({place.lan.network}) or the management port ({place.management.network})",
         )
     return str(address)
 
@@ -176,4 +178,4 @@ def _address_towards(far: str, port: int) -> IPv4Address:
             probe.connect((far, port))  # no packet is sent by it
             return IPv4Address(probe.getsockname()[0])
         except OSError as error:
-            raise errors.UsageError(f"this computer has no way to {far}: {error.strerror}") from error
+            raise errors.UsageError(f"this computer has no route to {far}: {error.strerror}") from error

@@ -109,10 +109,10 @@ class Measurement:
             *([("the tunnel over the link", self._run_tunnel_switch)] if self.plan.tunnel_switch is not None else []),
             ("round trips without load", self._measure_idle),
             ("path MTU", self._measure_mtu),
-            *([("round trips beside a load", self._measure_load)] if self.plan.load is not None else []),
+            *([("round trips under load", self._measure_load)] if self.plan.load is not None else []),
             *([("goodput from the far end", self._measure_load_down)] if self.plan.load_down is not None else []),
             *((cell.stream, partial(self._measure_cell, cell)) for cell in self.plan.cells),
-            *((f"highest rate of {size} octets", partial(self._search_rate, size)) for size in self.plan.sizes),
+            *((f"maximum rate of {size} octets", partial(self._search_rate, size)) for size in self.plan.sizes),
         ]
         self.reason = session.EndReason.DONE
         for number, (name, stage) in enumerate(stages):

@@ -176,7 +176,7 @@ def thresholds_of(link: Link, *, is_rehearsal: bool = False) -> tuple[str, Quali
     limits = profile(name).model_copy(update=changes)
     if is_rehearsal and limits.gap_s > REHEARSED_GAP_S:
         limits = limits.model_copy(update={"gap_s": REHEARSED_GAP_S})
-        title += f", gaps up to {REHEARSED_GAP_S:g} s in a rehearsal"
+        title += f", outages up to {REHEARSED_GAP_S:g} s in a rehearsal"
     return title, limits
 
 

@@ -78,7 +78,7 @@ class QualifyResult:
         run = self.run
         yield f"{run.site}, {run.link}, against `{run.thresholds_name}`:"
         if run.emulated:
-            yield "  emulated: these figures say nothing of a real link"
+            yield "  emulated: these figures prove nothing about a real link"
         for each in self.record.judgements:
             figures = f"{_value(each.measured, each.unit):>9} {_limit(each):>12}"
             yield f"  {each.verdict.value:<12} {each.criterion:<38} {figures}"
@@ -86,12 +86,12 @@ class QualifyResult:
                 yield f"  {'':<12} {each.reason}"
         if not self.record.judgements:
             yield f"  {Verdict.INCONCLUSIVE.value:<12} nothing was measured without load"
-        yield f"  {run.way.value:<12} by the link that was meant"
+        yield f"  {run.way.value:<12} over the intended link"
         yield f"  {'':<12} {run.way_reason}"
-        mtu = run.path_mtu_reason or f"{run.path_mtu_up} octets up, {run.path_mtu_both} both ways"
+        mtu = run.path_mtu_reason or f"{run.path_mtu_up} octets up, {run.path_mtu_both} in both directions"
         yield f"  path MTU: {mtu}"
         for row in self.record.load:
-            had = "nothing arrived" if row.goodput_bps is None else f"{row.goodput_bps / 1000:.0f} kbit/s"
+            had = "nothing received" if row.goodput_bps is None else f"{row.goodput_bps / 1000:.0f} kbit/s"
             yield f"  {row.verdict.value:<12} goodput {row.way}, at the receiver: {had}"
             if row.doubt:
                 yield f"  {'':<12} {row.doubt}"
@@ -102,7 +102,7 @@ class QualifyResult:
         for remark in run.remarks:
             yield f"  {'error: ' if self.failure is not None and remark == str(self.failure) else ''}{remark}"
         yield f"  {_end_line(run)}"
-        yield f"  kept in {shorten_home(self.folder)}"
+        yield f"  saved in {shorten_home(self.folder)}"
 
 
 def _value(value: float | None, unit: str) -> str:
@@ -116,19 +116,19 @@ def _limit(judgement: Judgement) -> str:
 
 def _rate(rate: HighestRate) -> str:
     if rate.rate_hz is None:
-        return f"highest rate of {rate.size} octets: none was sustained ({rate.limited_by})"
+        return f"maximum rate of {rate.size} octets: none was sustained ({rate.limited_by})"
     least = "" if rate.proved else "at least "
-    return f"highest rate of {rate.size} octets: {least}{rate.rate_hz:.3g} a second ({rate.limited_by})"
+    return f"maximum rate of {rate.size} octets: {least}{rate.rate_hz:.3g} per second ({rate.limited_by})"
 
 
 def _end_line(run: MeasuredRun) -> str:
     seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
     why = {
-        EndReason.DONE: "all was measured",
-        EndReason.STOPPED: "stopped; what was measured is kept",
-        EndReason.LEFT_OUT: "by its declared rate the link carries none of the sizes and rates",
-        EndReason.SILENT: "nothing was answered, so the rest was left out",
-        CUT_OFF: "cut off before its end",
+        EndReason.DONE: "measurement complete",
+        EndReason.STOPPED: "stopped; results so far are saved",
+        EndReason.LEFT_OUT: "at its rate in the inventory the link supports none of the sizes and rates",
+        EndReason.SILENT: "no response, so the rest was skipped",
+        CUT_OFF: "ended early",
     }
     words = why.get(run.reason, f"the limit of {run.reason} was reached; what was measured is kept")
     cost = ""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _MANGLE = "/ip/firewall/mangle"
 _RULE = "/routing/rule"
-_NOT_READ = "the router has not told what it counted"
+_NOT_READ = "the router did not report its counters"
 FEW = 2
 """Tolerated difference in packets between two counts without known loss: counter requests, a duplicate."""
 
@@ -101,7 +101,7 @@ async def counters(session: api.Session) -> FlowCounts:
     up, down = dict[str, tuple[int, int]](), dict[str, tuple[int, int]]()
     for row in rule_reply.check().rows:
         if "packets" not in row or "bytes" not in row:
-            raise DeviceError("the router tells no count of the rows that count the test packets")
+            raise DeviceError("the router reports no counters for the test packets")
         count = int(row["packets"]), int(row["bytes"])
         if "out-interface" in row:
             up[row["out-interface"]] = count
@@ -169,7 +169,7 @@ def judge_way(
     for other in counts:
         stray_packets = (other.test_packets_up or 0) + (other.test_packets_down or 0)
         if other.link != link and stray_packets:
-            return Verdict.FAIL, f"{stray_packets} test packets went over {other.link}"
+            return Verdict.FAIL, f"{stray_packets} test packets used {other.link}"
     if (silent := _not_read(counts)) is not None:
         return Verdict.INCONCLUSIVE, silent
     up, down = expected_link.test_packets_up, expected_link.test_packets_down
@@ -177,12 +177,15 @@ def judge_way(
     if not up and received_packets:
         return (
             Verdict.FAIL,
-            f"none of {sent_packets} packets went over {link}, and {received_packets} answers came by another way",
+            f"none of {sent_packets} packets used {link}, and {received_packets} responses arrived another way",
         )
     fits = 0 <= sent_packets - up + FEW <= lost_packets + 2 * FEW and received_packets - FEW <= down <= up + FEW
     if not sent_packets or not fits:
-        return Verdict.INCONCLUSIVE, f"{sent_packets} packets were sent and {received_packets} came, and {counts_text}"
-    return Verdict.PASS, f"{counts_text}, and none over another link"
+        return (
+            Verdict.INCONCLUSIVE,
+            f"{sent_packets} packets were sent and {received_packets} received, and {counts_text}",
+        )
+    return Verdict.PASS, f"{counts_text}, and no packets over another link"
 
 
 def judge_tunnel(
@@ -199,7 +202,7 @@ def judge_tunnel(
     for other in counts:
         up, down = other.test_packets_up or 0, other.test_packets_down or 0
         if other.link != link and (up or (down > FEW and received_traffic.packets)):
-            return Verdict.FAIL, f"{up + down} packets of the tunnel went over {other.link}"
+            return Verdict.FAIL, f"{up + down} packets of the tunnel used {other.link}"
     if (silent := _not_read(counts)) is not None:
         return Verdict.INCONCLUSIVE, silent
     up, down = expected_link.test_packets_up, expected_link.test_packets_down
@@ -207,7 +210,7 @@ def judge_tunnel(
     if not up and received_traffic.packets:
         return (
             Verdict.FAIL,
-            f"no packet of the tunnel went over {link}, and {received_traffic.packets} answers came otherwise",
+            f"no packet of the tunnel used {link}, and {received_traffic.packets} responses arrived another way",
         )
     whole = sent_traffic.fits(up, expected_link.test_bytes_up) and received_traffic.fits(
         down, expected_link.test_bytes_down
@@ -215,10 +218,10 @@ def judge_tunnel(
     if not sent_traffic.packets or not whole:
         return (
             Verdict.INCONCLUSIVE,
-            f"{sent_traffic.packets} packets were sent and {received_traffic.packets} came, and {counts_text}",
+            f"{sent_traffic.packets} packets were sent and {received_traffic.packets} received, and {counts_text}",
         )
-    ours = f"{sent_traffic.packets} and {received_traffic.packets} of this run among them"
-    return Verdict.PASS, f"{counts_text}, {ours}, and none over another link"
+    ours = f"including {sent_traffic.packets} and {received_traffic.packets} of this run"
+    return Verdict.PASS, f"{counts_text}, {ours}, and no packets over another link"
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,17 +44,15 @@ _ALIVE_S: Final = 10.0
 """Interval in seconds of checks of the router session: if it is lost, the rows go and packets take other links."""
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TUNNEL_MTU: Final = (
-    "the path MTU is the tunnel's: longer packets are cut in two, and so are shorter ones where a link takes less"
+    "the path MTU is the tunnel's: longer packets are fragmented, and so are shorter ones on a link with a smaller MTU"
 )
-NOT_OURS: Final = "the far end is not ours: it has no key, and confirms no message, so no highest rate was looked for"
+NOT_OURS: Final = "the far end is not ours: it has no key and confirms no messages, so no maximum rate was measured"
 
 
 def links_of_site(inventory: Inventory, site: str, name: str | None) -> tuple[Link, ...]:
     """Return the requested links: one, `all`, or the only one; raise NothingToQualify."""
     if site not in inventory.sites:
-        raise far_end.NothingToQualify(
-            "measure one site at a time", hint=f"the sites are: {', '.join(inventory.sites)}"
-        )
+        raise far_end.NothingToQualify("measure one site at a time", hint=f"sites: {', '.join(inventory.sites)}")
     links = inventory.sites[site].bearers
     result = tuple(link for link in links if name in {link.name, "all"}) if name is not None else links
     if not result or (name is None and len(result) > 1):
@@ -69,7 +67,7 @@ def router_of(inventory: Inventory, site: str) -> Host:
     """Return the router that routes the packets; raise NothingToQualify."""
     result = inventory.router_of(site)
     if result is None:
-        raise far_end.NothingToQualify(f"`{site}` has no router that could lead test packets over one link")
+        raise far_end.NothingToQualify(f"`{site}` has no router that can route test packets over one link")
     return result
 
 
@@ -282,7 +280,7 @@ class LinkRun:
 
     def _notes(self) -> Iterator[str]:
         if number := self.plan.left_out:
-            yield f"{number} sizes and rates were not tried: the link cannot carry them by its declared rate"
+            yield f"{number} sizes and rates were skipped: the link's rate in the inventory does not support them"
         if self.over_vpn:
             yield TUNNEL_MTU
         if not self.far.is_ours:

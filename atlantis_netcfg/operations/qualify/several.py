@@ -77,23 +77,19 @@ def _ends_all(result: QualifyResult, limits: BudgetLimits) -> str:
     """Return why no further link is measured; empty if more are."""
     run = result.run
     if result.failure is not None and not isinstance(result.failure, errors.DeviceError):
-        return f"{run.link} was left in a state that nobody knows"
+        return f"{run.link} was left in an unknown state"
     if run.reason == EndReason.STOPPED:
-        return "the measurement was stopped"
+        return "the measurement was interrupted"
     # A link may have a cap of its own, which is no limit of the next one.
     if run.reason == BudgetLimit.BYTES and run.budget.max_bytes == limits.max_bytes:
-        return "the limit of bytes was used up before"
-    return "the limit of seconds was used up before" if run.reason == BudgetLimit.SECONDS else ""
+        return "the data limit was reached before"
+    return "the time limit was reached before" if run.reason == BudgetLimit.SECONDS else ""
 
 
 def _unpaid(link: Link, results: Sequence[QualifyResult], limits: BudgetLimits) -> str:
     """Return why the money limit excludes a link, which must be metered; empty otherwise."""
     is_exhausted = any(result.run.reason == BudgetLimit.MONEY for result in results)
-    return (
-        "the limit of money was used up before"
-        if link.metered and is_exhausted and limits.max_price is not None
-        else ""
-    )
+    return "the cost limit was reached before" if link.metered and is_exhausted and limits.max_price is not None else ""
 
 
 def remaining_limits(limits: BudgetLimits, result: QualifyResult) -> BudgetLimits:

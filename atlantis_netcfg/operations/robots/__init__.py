@@ -53,8 +53,8 @@ def seconds_of(text: str) -> int:
     match = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
     seconds = int(match[1]) * (60 if match[2] == "m" else 1) if match else 0
     if not SHORTEST_S <= seconds <= LONGEST_S:
-        hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `30s`, `5m`"
-        raise errors.UsageError(f"`{text}` is no such time", hint=hint)
+        hint = f"type seconds or minutes, from {SHORTEST_S} s to 1 hour: `30s`, `5m`"
+        raise errors.UsageError(f"`{text}` is not a valid duration", hint=hint)
     return seconds
 
 
@@ -63,21 +63,25 @@ def robots_of(inventory: Inventory) -> tuple[list[reading.RobotSource], KeyNames
     sources, names = reading.load_robots(inventory)
     if not sources:
         raise errors.NoMatchError(
-            "no robot is declared", hint="put the robots' files into robots/: docs/robots.md says how"
+            "the inventory has no robots", hint="put the robot files into robots/ (see docs/robots.md)"
         )
     return sources, names
 
 
 def without_file(vehicle: str) -> errors.NoMatchError:
     """Return the error for a vehicle without a robot file, whose topics are unknown."""
-    hint = f"docs/robots.md says how; `provision robot validate vehicle={vehicle}` checks it"
-    return errors.NoMatchError(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
+    hint = f"see docs/robots.md; `provision robot validate vehicle={vehicle}` checks it"
+    return errors.NoMatchError(
+        f"robots/{vehicle}.yml, which lists what `{vehicle}` publishes, does not exist", hint=hint
+    )
 
 
 def dds_of(inventory: Inventory) -> model.Dds:
     """Return the pilot's DDS settings; raise UsageError if there are none."""
     if inventory.pilot.dds is None:
-        raise errors.UsageError("the pilot declares no `dds`", hint="write `dds: {distribution: foxy}` below `pilot:`")
+        raise errors.UsageError(
+            "`dds` is not set for the pilot", hint="write `dds: {distribution: foxy}` below `pilot:`"
+        )
     return inventory.pilot.dds
 
 
@@ -88,9 +92,12 @@ def own_address(inventory: Inventory, site: str) -> str:
         try:
             probe.connect((str(network.gateway), 9))
         except OSError as error:
-            hint = f"plug it into the LAN of {site}, or join the VPN; `address=` names another address of this computer"
+            hint = (
+                f"connect it to the LAN of {site}, or join the VPN; or give another address of this computer with "
+                "`address=`"
+            )
             raise errors.UsageError(
-                f"this computer has no way to {network.network}: {error.strerror}", hint=hint
+                f"this computer has no route to {network.network}: {error.strerror}", hint=hint
             ) from error
         return str(probe.getsockname()[0])
 
@@ -99,8 +106,8 @@ def _ip_address(address: str) -> IPv4Address:
     try:
         return IPv4Address(address)
     except ValueError:
-        message = f"`address={address}` is no IPv4 address"
-        raise errors.UsageError(message, hint="`ip address` shows those of this computer") from None
+        message = f"`address={address}` is not an IPv4 address"
+        raise errors.UsageError(message, hint="`ip address` shows the addresses of this computer") from None
 
 
 def listening_address(inventory: Inventory, site: str, address: str | None) -> str:
@@ -196,17 +203,18 @@ def save(inventory: Inventory, namespace: str, observation: RobotObservation, en
     }
     robots = [robot for robot in copies.values() if robot is not None and robot.name == namespace]
     if len(robots) != 1:
-        message = f"{len(robots)} robots of the namespace `{namespace}` were heard, so no file was written"
+        message = f"{len(robots)} robots use the namespace `{namespace}`, so no file was written"
         others = ", ".join(sorted({robot.name for robot in copies.values() if robot is not None})) or "none"
-        raise errors.NoMatchError(message, hint=f"readable configurations that were heard are of: {others}")
+        raise errors.NoMatchError(message, hint=f"readable configurations were received from: {others}")
     vehicle = vehicle_key(namespace)
     path = inventory.root / reading.FOLDER / f"{vehicle}.yml"
     if vehicle not in inventory.vehicles:
-        hint = "declare it first: the finding `robot-unknown` shows the command"
-        raise errors.NoMatchError(f"no vehicle is called `{vehicle}`, so no file was written", hint=hint)
+        hint = "add it to the inventory first: the finding `robot-unknown` shows the command"
+        raise errors.NoMatchError(f"no such vehicle: `{vehicle}`; no file was written", hint=hint)
     if path.exists():
         raise errors.UsageError(
-            f"{shown_path(path)} is there already", hint="leave `save=` out: it is compared with that file"
+            f"{shown_path(path)} already exists",
+            hint="remove `save=`: then what is received is compared with that file",
         )
     token = robots[0].token
     assert isinstance(token, Secret)  # noqa: S101 - what is published is in clear

@@ -90,7 +90,7 @@ def listen_there(
     try:
         result = carrier.run(command)
     except OSError as error:
-        raise ListenError(f"{host.name} was not asked: {error}", hint="install OpenSSH's client") from None
+        raise ListenError(f"{host.name} was not contacted: {error}", hint="install the OpenSSH client") from None
     return _observation(host, access, result)
 
 
@@ -124,28 +124,28 @@ def _observation(host: Host, access: Mapping[str, Any], result: ProcessResult) -
         except (ValueError, LookupError, TypeError, RecursionError, zlib.error):
             continue
     text = result.err.decode(errors="replace").strip()
-    last = text.rpartition("\n")[2] or f"exit {result.rc}"
+    last = text.rpartition("\n")[2] or f"exit code {result.rc}"
     if (trouble := key_trouble(host.name, text)) is not None:
         raise ListenError(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
     if "Permission denied" in text:
-        hint = f"bring your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`"
-        raise ListenError(f"{host.name} does not let you in as {access['user']}: {last}", hint=hint)
+        hint = f"copy your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`"
+        raise ListenError(f"{host.name} refused the login as {access['user']}: {last}", hint=hint)
     if result.rc == _NOT_FOUND:
         raise ListenError(f"{host.name} has no python3: {last}", hint=f"on {host.name}: `apt-get install python3`")
     if b"alive" in result.out:
-        message = f"the connection to {host.name} ended before it had listened to the end: {last}"
-        raise ListenError(message, hint="nothing is known of any robot: type the same again")
-    words = "it did not answer in time" if result.overdue else last
-    hint = "look at its power and at your way to it, then type the same again"
+        message = f"the connection to {host.name} was lost before the listening time ended: {last}"
+        raise ListenError(message, hint="no results for any robot: run the same command again")
+    words = "no response in time" if result.overdue else last
+    hint = "check its power and your connection to it, then run the same command again"
     raise ListenError(f"{host.name} was not reached: {words}", hint=hint)
 
 
 def _trouble(host: Host, trouble: str, words: str) -> ListenError:
     if trouble == "missing":
         hint = (
-            "a run of its site brings ROS 2 where that is declared (docs/gateways.md); else, on x86_64, on it: "
-            f"`python3 -m venv {VENV} && {VENV}/bin/pip install cyclonedds`"
+            "a run of its site installs ROS 2 if the inventory has it (docs/gateways.md); otherwise on x86_64, "
+            f"on that computer: `python3 -m venv {VENV} && {VENV}/bin/pip install cyclonedds`"
         )
-        return ListenError(f"{host.name} can hear no robots: it has neither cyclonedds nor ROS 2", hint=hint)
-    hint = f"has {host.name} its address of `dds`? on it: `ip address`"
+        return ListenError(f"{host.name} cannot listen for robots: it has neither cyclonedds nor ROS 2", hint=hint)
+    hint = f"does {host.name} have its `dds` address? Check there: `ip address`"
     return ListenError(f"{host.name} could not listen: {words[:300]}", hint=hint)

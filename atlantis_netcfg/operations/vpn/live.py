@@ -152,8 +152,8 @@ def push(inventory: Inventory, authority: Authority, link: ServerLink) -> PushRe
                 return PushResult(tuple(map(str, values["changes"])), ended_sessions, tuple(map(str, values["told"])))
         lacks = [*lacks, *missing]
     raise ServerRefusal(
-        f"files of the server change while this runs: {', '.join(missing)}",
-        hint="somebody else is at work there; type the same again",
+        f"files of the server changed during this run: {', '.join(missing)}",
+        hint="somebody else is working there; run the same command again",
     )
 
 

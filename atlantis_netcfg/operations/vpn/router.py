@@ -77,8 +77,10 @@ def identity_for(inventory: Inventory, host: Host, request: Request) -> Identity
     if path is None:
         raise errors.UsageError(
             f"there is no identity of {host.name} on this computer",
-            hint=f"`provision vpn onboard device={host.name}` where the authority is,"
-            " else `provision vpn accept file=FILE` with what it has handed out",
+            hint=(
+                f"run `provision vpn onboard device={host.name}` on the computer of the authority; elsewhere "
+                "`provision vpn accept file=FILE` with the enrolment package"
+            ),
         )
     identity = read_identity(path.read_text(encoding="ascii"))
     if identity.member.name != host.name:
@@ -107,7 +109,7 @@ def install(  # noqa: PLR0913 - all that a command line says
         return _failure_result(importing, failure)
     if not observation.changes:
         return InstalledIdentity(
-            host.name, apply.Status.UNCHANGED, errors.ExitCode.DONE, "already so", notes=observation.notes
+            host.name, apply.Status.UNCHANGED, errors.ExitCode.DONE, "unchanged", notes=observation.notes
         )
     if plan:
         message = f"{len(observation.changes)} changes to make"
@@ -141,7 +143,7 @@ def _require_router(host: Host) -> None:
     if not isinstance(host.device, Router):
         kind = host.device.kind.replace("_", " ")
         raise errors.NoMatchError(
-            f"{host.name} is a {kind}: an identity is installed on routers alone",
+            f"{host.name} is a {kind}: identities are installed only on routers",
             hint=f"gateways get theirs from `provision site={host.site}`",
         )
 
@@ -153,13 +155,16 @@ def _prepare(
     tunnel = routeros.find_tunnel(inventory, host)
     if tunnel is None:
         raise errors.UsageError(
-            f"{host.name} is not its site's end of the VPN",
-            hint=f"declare `vpn_client:` in host_vars/{host.name}.yml",
+            f"{host.name} is not the VPN endpoint of its site",
+            hint=f"set `vpn_client:` in host_vars/{host.name}.yml",
         )
     if identity.certificate.not_after <= datetime.now(UTC):
         raise errors.UsageError(
-            f"the identity of {host.name} was good until {identity.certificate.not_after:%Y-%m-%d}",
-            hint=f"`provision vpn renew name={host.name}` where the authority is, and here what it hands out",
+            f"the identity of {host.name} expired on {identity.certificate.not_after:%Y-%m-%d}",
+            hint=(
+                f"run `provision vpn renew name={host.name}` on the computer of the authority, then install the new "
+                "enrolment package here"
+            ),
         )
     refuse_examples(inventory, is_rehearsal=request.rehearsed)
     require_consent(inventory, [host], request)
@@ -182,7 +187,7 @@ def _run_with_journal(importing: RouterImport, job: apply.DeviceJob, journal: ru
         changes, notes = asyncio.run(_run(importing, job))
     except errors.NetcfgError as failure:
         return replace(_failure_result(importing, failure), run=journal.run)
-    message = f"{importing.tunnel.name} is imported, with the certificate {importing.tunnel.certificate}: read back"
+    message = f"{importing.tunnel.name} is imported with certificate {importing.tunnel.certificate} (read back)"
     notes = (*notes, *_key_notes(importing.identity))
     return InstalledIdentity(
         importing.name,
@@ -209,9 +214,7 @@ def _key_notes(identity: Identity) -> tuple[str, ...]:
     if identity.certificate.key is KeyType.RSA:
         return ()
     name = identity.member.name
-    return (
-        f"its key is of an elliptic curve, with which no RouterOS was tried: `provision vpn renew name={name} key=rsa`",
-    )
+    return (f"its elliptic-curve key is untested with RouterOS: `provision vpn renew name={name} key=rsa`",)
 
 
 def _failure_result(importing: RouterImport, failure: errors.NetcfgError) -> InstalledIdentity:

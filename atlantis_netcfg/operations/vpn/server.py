@@ -72,25 +72,25 @@ class NoPush:
 
     def get_crl(self, notify: events.Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
         """Raise UsageError: the server is not contacted."""
-        raise UsageError("the server's list cannot be had without asking it")
+        raise UsageError("the server's revocation list cannot be read without contacting the server")
 
     def deploy(self, authority: Authority, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as Server has it
         """Return the note that the server still has to be updated."""
-        line = "the server was not asked (`--no-push`): `provision vpn sync` brings it there"
+        line = "the server was not contacted (`--no-push`): `provision vpn sync` updates it"
         return DeployResult((line,), is_deployed=False)
 
     def disconnect(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as above
         """Return the error that connected members stay connected, so that nobody considers this done."""
         waits = OutcomeUnknown(
-            f"{', '.join(revocation.members)}: on the list, and the server does not have it (`--no-push`): "
-            "whoever is connected stays so",
-            hint=f"`provision vpn sync` cuts them off: {', '.join(authority.membership().queued_names)}",
+            f"{', '.join(revocation.members)}: on the revocation list, but the server does not have it yet "
+            "(`--no-push`): open sessions continue",
+            hint=f"`provision vpn sync` ends their sessions: {', '.join(authority.membership().queued_names)}",
         )
         return DeployResult(errors=(waits,), is_deployed=False)
 
 
 Opener = Callable[[], "remote_session.ServerLink"]
-_SYNC_HINT = "all of it is recorded, and the server is brought to it by `provision vpn sync`"
+_SYNC_HINT = "everything is recorded; to update the server: `provision vpn sync`"
 
 
 def over_ssh(inventory: Inventory, request: Request, otherwise: str = "") -> Opener:
@@ -100,7 +100,7 @@ def over_ssh(inventory: Inventory, request: Request, otherwise: str = "") -> Ope
     """
     if inventory.pilot.example_values and not request.rehearsed:
         raise UsageError(
-            "the inventory still holds example values, which lead to nobody's server",
+            "the inventory still contains example values, so it names no real server",
             hint=f"replace them and set `example_values: false` in group_vars/all/pilot.yml{otherwise}",
         )
     host = inventory.hosts[inventory.pilot.vpn.server]
@@ -141,7 +141,7 @@ class RemoteServer:
             crl = live.observe(link).crl
         if crl is None or not crl.is_signed:
             raise remote_session.ServerRefusal(
-                "the server has no list of its own authority", hint="there is nothing to take over"
+                "the server has no revocation list of its own authority", hint="there is nothing to take over"
             )
         return crl.pem.encode()
 
@@ -152,15 +152,15 @@ class RemoteServer:
         try:
             with self.link(notify) as link:
                 queue = live.finish_revocations(self.inventory, authority, link, self.who)
-                self._say(notify, "members, list and firewall", events.Stage.APPLYING)
+                self._say(notify, "members, revocation list and firewall", events.Stage.APPLYING)
                 push_result = live.push(self.inventory, authority, link)
-                self._say(notify, "who is connected", events.Stage.VERIFYING)
+                self._say(notify, "connected members", events.Stage.VERIFYING)
                 more = self._record_sessions(authority, link)
         except NetcfgError as error:
             return self._outstanding(error)
         changes = [*push_result.changes, *more]
         values: dict[str, Any] = {"changes": changes, "queue": queue.as_json() if queue is not None else None}
-        lines = [f"  on the server: {change}" for change in changes] or ["  the server was so already"]
+        lines = [f"  on the server: {change}" for change in changes] or ["  the server was already up to date"]
         return DeployResult(
             tuple(self._evidence_lines(queue) + lines + [f"  {item}" for item in push_result.notes]),
             self._remaining_errors(queue),
@@ -180,7 +180,7 @@ class RemoteServer:
                 evidence = live.revoke_live(self.inventory, authority, link, names)
                 cut = time.monotonic()
                 push_result = live.push(self.inventory, authority, link)
-                self._say(notify, "looking once more", events.Stage.VERIFYING)
+                self._say(notify, "checking again", events.Stage.VERIFYING)
                 time.sleep(max(0.0, self.second_look_s - (time.monotonic() - cut)))
                 evidence = live.verify(link, evidence)
                 if evidence.is_confirmed:
@@ -221,11 +221,11 @@ class RemoteServer:
             return []
         lines = [f"  {at:8.1f} ms  {step}" for step, at in evidence.steps]
         lines += [
-            f"  ended      {session.common_name}, {session.address or 'not through its handshake'}, from {session.real}"
+            f"  ended      {session.common_name}, {session.address or 'handshake not complete'}, from {session.real}"
             for session in evidence.ended
         ]
-        whole = f"{1000 * evidence.seconds:.0f} ms with the way there and back"
-        words = "verified: no session, and nothing of theirs passes" if evidence.is_confirmed else "NOT verified"
+        whole = f"{1000 * evidence.seconds:.0f} ms including the round trip"
+        words = "verified: no session, and none of their traffic passes" if evidence.is_confirmed else "NOT verified"
         return [*lines, f"  {words} ({whole})", *(f"  {item}" for item in evidence.notes)]
 
     @staticmethod
@@ -235,8 +235,8 @@ class RemoteServer:
         names = ", ".join(evidence.common_names)
         return (
             OutcomeUnknown(
-                f"the server has not confirmed that these are dead: {names}: {'; '.join(evidence.left)}",
-                hint="`provision vpn sync` tries again, and looks",
+                f"the server has not confirmed that these are cut off: {names}: {'; '.join(evidence.left)}",
+                hint="`provision vpn sync` tries again and checks",
             ),
         )
 
@@ -247,7 +247,7 @@ class RemoteServer:
 
     def _outstanding(self, error: NetcfgError, cut: Sequence[str] = ()) -> DeployResult:
         """Return the result for a server that still has to be updated; record and files are kept."""
-        who = f"{', '.join(cut)}: recorded and on the list; whoever is connected may still be. " if cut else ""
+        who = f"{', '.join(cut)}: recorded and on the revocation list; open sessions may continue. " if cut else ""
         hint = f"{fill_hint(error.hint, site=self.site)}\n{_SYNC_HINT}" if error.hint else _SYNC_HINT
         return DeployResult(errors=(Outstanding(error, f"{who}{error}", hint),), is_deployed=False)
 
@@ -317,7 +317,7 @@ def vpn_status(
     result = list(_record(inventory, authority))
     state = None
     if server is None:
-        result.append(StatusItem(events.Verdict.SKIP, "the server was not asked (`--no-push`)"))
+        result.append(StatusItem(events.Verdict.SKIP, "the server was not contacted (`--no-push`)"))
     else:
         try:
             with server.link(notify) as link:
@@ -342,8 +342,9 @@ def _record(inventory: Inventory, authority: Authority) -> Iterator[StatusItem]:
         good = sum(1 for member in membership.members.values() if member.good)
         yield StatusItem(
             events.Verdict.PASS,
-            f"the record agrees with its signature, certificates and list: {good} of {len(membership.members)} members "
-            f"are admitted, list {membership.crl_number} is good until {membership.crl_next_update:%Y-%m-%d}",
+            f"the record matches its signature, certificates and revocation list: {good} of "
+            f"{len(membership.members)} members are admitted, list {membership.crl_number} is valid until "
+            f"{membership.crl_next_update:%Y-%m-%d}",
         )
 
 
@@ -356,7 +357,7 @@ def unsuitable_keys(inventory: Inventory, membership: MembershipList) -> Iterato
             events.Verdict.WARN,
             f"{', '.join(shared_key_members)}: no new session after {vpn.shared_key_until}, "
             "the last day of the shared key",
-            f"with OpenVPN 2.5 or later on it: `provision vpn renew name={shared_key_members[0]} wrap=tls-crypt-v2`",
+            f"if they have OpenVPN 2.5 or later: `provision vpn renew name={shared_key_members[0]} wrap=tls-crypt-v2`",
         )
     silent = [
         member.name
@@ -366,8 +367,9 @@ def unsuitable_keys(inventory: Inventory, membership: MembershipList) -> Iterato
     if vpn.force_cookie and silent:
         yield StatusItem(
             events.Verdict.WARN,
-            f"{', '.join(silent)}: the server answers their key only where OpenVPN is 2.6 or later (`force_cookie`)",
-            f"`provision vpn renew name={silent[0]}` makes one that any OpenVPN can use",
+            f"{', '.join(silent)}: the server responds to their key only if their OpenVPN is 2.6 or later "
+            "(`force_cookie`)",
+            f"`provision vpn renew name={silent[0]}` creates a key that works with any OpenVPN",
         )
 
 
@@ -382,32 +384,40 @@ def _server(
         yield from (StatusItem(events.Verdict.FAIL, differ) for differ in differs)
         return
     for item in differs:
-        yield StatusItem(events.Verdict.FAIL, item, "`provision vpn sync` brings the server to what is recorded")
+        yield StatusItem(events.Verdict.FAIL, item, "`provision vpn sync` updates the server from the record")
     if not differs:
         up = sum(session.is_up for session in state.sessions)
         yield StatusItem(
-            events.Verdict.PASS, f"the server is as recorded; {up} sessions, OpenVPN {state.version or 'unknown'}"
+            events.Verdict.PASS, f"the server matches the record; {up} sessions, OpenVPN {state.version or 'unknown'}"
         )
     if not state.ready:
         return
     sighting, _ = live.note_seen(server.inventory, authority, link, state, server.who)
     for name in sighting.strangers:
         yield StatusItem(
-            events.Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?"
+            events.Verdict.FAIL,
+            f"{name} has a session but is not in the record",
+            "is this the newest copy of the record?",
         )
     up_now = {session.common_name for session in state.sessions if session.is_up}
     for name in sighting.withdrawn:
         if name in up_now:
             yield StatusItem(
-                events.Verdict.FAIL, f"{name} is connected, and was put out", "`provision vpn sync` ends its session"
+                events.Verdict.FAIL,
+                f"{name} is connected although its access was withdrawn",
+                "`provision vpn sync` ends its session",
             )
         else:
-            yield StatusItem(events.Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
+            yield StatusItem(
+                events.Verdict.WARN, f"{name} was seen after its access was withdrawn; it has no session now"
+            )
     for name in sighting.superseded_names:
         yield StatusItem(events.Verdict.PASS, f"{name} is retired: its successor was seen")
     evidence = live.finish_revocations(server.inventory, authority, link, server.who)
     if evidence is not None and evidence.is_confirmed:
-        yield StatusItem(events.Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
+        yield StatusItem(
+            events.Verdict.PASS, f"cut off, as confirmed by the server: {', '.join(evidence.common_names)}"
+        )
 
 
 def _queue_items(authority: Authority) -> Iterator[StatusItem]:
@@ -415,6 +425,6 @@ def _queue_items(authority: Authority) -> Iterator[StatusItem]:
     if queue:
         yield StatusItem(
             events.Verdict.FAIL,
-            f"revoked, and not confirmed dead by the server: {', '.join(queue)}",
-            "`provision vpn sync` when the server can be reached",
+            f"revoked, but the server has not confirmed that they are cut off: {', '.join(queue)}",
+            "run `provision vpn sync` when the server is reachable",
         )

@@ -130,8 +130,8 @@ def read_answer(do: str) -> Iterator[None]:
         yield
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError, OSError) as error:
         raise AnswerLost(
-            f"the server's answer to `{do}` makes no sense ({type(error).__name__}: {error})",
-            hint="look at that computer and at who else has worked on it, then type the same again",
+            f"the server sent an invalid response to `{do}` ({type(error).__name__}: {error})",
+            hint="check that computer and who else has worked on it, then run the same command again",
         ) from error
 
 
@@ -220,7 +220,7 @@ _CRL = f"{server.FOLDER}/crl.pem"
 def drift(state: ServerState, files: Sequence[File], membership: MembershipList) -> tuple[str, ...]:
     """Return the differences between running server and ledger as text; `files` come from `live_files`. Pure."""
     if not state.ready:
-        return ("no server of the VPN was ever set up there",)
+        return ("no VPN server was ever set up there",)
     return (
         *_admissions(state, files),
         *_crl_drift(state, files, membership),
@@ -234,70 +234,70 @@ def _admissions(state: ServerState, desired_files: Sequence[File]) -> Iterator[s
     for path, file in files.items():
         name, digest = path.rpartition("/")[2], state.files.get(path)
         if digest is None:
-            yield f"{name} is recorded, and the server does not admit it"
+            yield f"{name} is in the record, but the server does not admit it"
         elif digest != _sha256(file):
-            yield f"{name}: its file on the server was changed by hand ({path})"
+            yield f"{name}: its file on the server differs from the record ({path})"
     for path in state.files:
         if path.startswith(f"{server.CCD}/") and path not in files:
-            yield f"{path.rpartition('/')[2]} is not to be admitted, and the server has a file that admits it ({path})"
+            yield f"{path.rpartition('/')[2]} must not be admitted, but the server has a file that admits it ({path})"
 
 
 def _crl_drift(state: ServerState, files: Sequence[File], membership: MembershipList) -> Iterator[str]:
     crl = state.crl
     if crl is None:
-        yield "the server has no list of revoked certificates that can be read: nobody can connect"
+        yield "the server has no readable revocation list: nobody can connect"
         return
     if not crl.is_signed:
-        yield "the server's list of revoked certificates is of another authority: who was revoked is let in"
+        yield "the server's revocation list is from another authority: revoked members can connect"
     elif crl.number < membership.crl_number:
-        yield (
-            f"the server's list of revoked certificates is number {crl.number}, "
-            f"and the record's is {membership.crl_number}"
-        )
+        yield (f"the server has revocation list {crl.number}, the record has {membership.crl_number}")
     elif crl.number > membership.crl_number:
         yield (
-            f"the server's list of revoked certificates is number {crl.number}, newer than the record's "
-            f"({membership.crl_number}): somebody works with another copy of the authority"
+            f"the server has revocation list {crl.number}, newer than the record's ({membership.crl_number}): "
+            "somebody works with another copy of the authority"
         )
     elif any(file.path == _CRL and state.files.get(_CRL) != _sha256(file) for file in files):
-        yield f"the server's list of revoked certificates has the record's number {crl.number}, and is another one"
+        yield f"the server's revocation list has the record's number {crl.number}, but a different content"
     yield from _crl_validity(crl, state)
 
 
 def _crl_validity(crl: Crl, state: ServerState) -> Iterator[str]:
     if crl.begins > state.clock:
-        yield f"by the server's clock its list of revoked certificates begins on {crl.begins:%Y-%m-%d %H:%M} UTC only"
+        yield f"by the server's clock, its revocation list is not valid before {crl.begins:%Y-%m-%d %H:%M} UTC"
     elif crl.ends <= state.clock:
-        yield f"the server's list of revoked certificates has expired on {crl.ends:%Y-%m-%d}: nobody can connect"
+        yield f"the server's revocation list expired on {crl.ends:%Y-%m-%d}: nobody can connect"
     elif crl.ends - state.clock < ALARM:
         days = (crl.ends - state.clock).days
         yield (
-            f"the server's list of revoked certificates ends in {days} days, on {crl.ends:%Y-%m-%d}: "
-            "after that nobody can connect"
+            f"the server's revocation list expires in {days} days, on {crl.ends:%Y-%m-%d}: after that nobody can "
+            "connect"
         )
 
 
 def _firewall(state: ServerState, files: Sequence[File]) -> Iterator[str]:
     if any(file.path == server.FIREWALL and state.files.get(server.FIREWALL) != _sha256(file) for file in files):
-        yield f"the firewall's file is not as recorded ({server.FIREWALL})"
+        yield f"the firewall file differs from the record ({server.FIREWALL})"
     if state.firewall_why:
-        yield f"the firewall cannot be asked: {state.firewall_why}"
+        yield f"the firewall cannot be read: {state.firewall_why}"
     elif state.members is None:
         yield "the firewall of the VPN is not loaded"
     elif state.firewall_as_file is False:
-        yield "the firewall that is loaded is not what its file says: somebody has changed it with nft"
+        yield "the loaded firewall differs from its file, for example after a change with nft"
     if state.redirects:
-        yield f"the server's kernel may send ICMP redirects, by {', '.join(state.redirects)}: members would go past it"
+        yield (
+            f"the server's kernel may send ICMP redirects, by {', '.join(state.redirects)}: members could bypass "
+            "the server"
+        )
 
 
 def _service_drift(state: ServerState) -> Iterator[str]:
     if state.active is False:
         yield (
-            f"the server does not run: {server.SERVICE} is {state.unit['ActiveState']}"
-            f" ({state.unit.get('SubState', '')})"
+            f"the server is not running: {server.SERVICE} is {state.unit['ActiveState']} "
+            f"({state.unit.get('SubState', '')})"
         )
     elif not state.is_live:
-        yield f"the server cannot be asked who is connected: {state.why}"
+        yield f"the server cannot report who is connected: {state.why}"
     if abs(state.clock_ahead_s) > _CLOCK_S:
         ahead_s = state.clock_ahead_s
         yield f"the server's clock is {abs(ahead_s):.0f} s {'ahead of' if ahead_s > 0 else 'behind'} this computer's"

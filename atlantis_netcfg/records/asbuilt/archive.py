@@ -42,7 +42,7 @@ def latest(folder: Path) -> AsBuiltRecord | None:
     except (OSError, ValueError) as error:
         raise runs.DamagedStateError(
             f"the last record cannot be read: {path}",
-            hint="put its folder aside: the next record is then the first one, and has no differences",
+            hint="move its folder away: the next record is then the first one, without differences",
         ) from error
 
 
@@ -68,7 +68,7 @@ def new_folder(folder: Path, now: datetime) -> Path:
 def keep(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write the files of a record, `as-built.json` last; raise JournalError."""
     if FILE not in files:
-        raise NetcfgError(f"a record without {FILE} was to be kept: this must never happen")
+        raise NetcfgError(f"internal error: a record without {FILE} was about to be saved")
     with runs.os_errors_as("the record", folder):
         for name in sorted(files, key=lambda name: name == FILE):
             runs.write_atomically(folder / name, files[name])

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 _COMPLETE_STATUSES = frozenset({"changed", "unchanged"})
 """Run results in which read-back has confirmed that the device matches the inventory."""
-_NO_INTERFACE = "no machine interface of it is documented: a person looks at its pages"
+_NO_INTERFACE = "no documented interface for programs: check its web pages by hand"
 
 
 @dataclass(slots=True)
@@ -115,7 +115,7 @@ class SiteLook:
             name=host.name,
             kind=host.device.kind,
             state=ReadState.LEFT_OUT,
-            why="left out by `device=`",
+            why="excluded by `device=`",
             facts=_declared_facts(host),
             ports=tuple(PortRecord(name=name, belongs=what) for name, what in places(self.inventory, host).items()),
         )
@@ -124,7 +124,7 @@ class SiteLook:
         state, why = self._why_not(host)
         if state is not None:
             return device.model_copy(update={"state": state, "why": why})
-        self.notify(events.Event(host.name, events.Stage.CONNECTING, "to be read, not changed"))
+        self.notify(events.Event(host.name, events.Stage.CONNECTING, "read-only"))
         try:
             result = await self._read(host, device)
         except NetcfgError as error:
@@ -147,9 +147,12 @@ class SiteLook:
         if isinstance(device, SatelliteTerminal):
             return ReadState.BY_HAND, _NO_INTERFACE
         if isinstance(device, LteRouter) and device.driver not in {LteDriver.ROUTEROS, LteDriver.RUTOS}:
-            return ReadState.BY_HAND, f"its driver `{device.driver}` reads the link, and nothing that names the unit"
+            return (
+                ReadState.BY_HAND,
+                f"its driver `{device.driver}` reads the link, but nothing that identifies the unit",
+            )
         if not is_supported(host) and not is_computer(host) and not isinstance(device, LteRouter):
-            return ReadState.BY_HAND, f"nobody reads a {device.kind.replace('_', ' ')} yet"
+            return ReadState.BY_HAND, f"reading a {device.kind.replace('_', ' ')} is not supported yet"
         if self.request.rehearsed and host.name not in self.request.targets:
             return ReadState.NOT_REHEARSED, self.not_emulated.get(host.name, "it is not emulated in this rehearsal")
         return None, ""
@@ -188,9 +191,9 @@ class SiteLook:
         mask, pin = self.inventory.pilot.asbuilt.mask, unit.endpoint.pin
         numbers = {name: mask_number(number, mask) for name, number in status.identities.items()}
         values = {"serial": status.serial, "imei": numbers.get("imei"), "iccid": numbers.get("iccid")}
-        facts = {name: _fact(value, "the unit does not say it to this user") for name, value in values.items()}
-        facts["version"] = _fact(None, "no page of RutOS that tells its firmware is known here")
-        facts["certificate"] = _fact(pin, "it is known by none")
+        facts = {name: _fact(value, "the unit does not report it to this user") for name, value in values.items()}
+        facts["version"] = _fact(None, "no RutOS page is known that shows the firmware")
+        facts["certificate"] = _fact(pin, "no pinned certificate")
         return _fill_record(device, facts)
 
     async def _computer(self, host: Host, device: DeviceRecord) -> DeviceRecord:
@@ -241,7 +244,7 @@ def _model_differences(device: DeviceRecord, facts: Mapping[str, Fact]) -> Itera
         or read.value in {None, declared_model.value}
     ):
         return
-    yield f"the declaration has model {declared_model.value}, and the device says {read.value}"
+    yield f"the inventory has model {declared_model.value}, the device reports {read.value}"
 
 
 def _fact(value: str | None, why_not: str) -> Fact:
@@ -255,9 +258,9 @@ def _declared_facts(host: Host) -> dict[str, Fact]:
     if not isinstance(device, SatelliteTerminal):
         return model
     evidence = device.evidence
-    version = Fact(value=None, origin=Origin.NOT_READ, note="nobody has looked at its pages yet")
+    version = Fact(value=None, origin=Origin.NOT_READ, note="its web pages were not inspected yet")
     if evidence is not None:
-        note = f"declared: {evidence.by} has seen it on its pages on {evidence.seen_on}"
+        note = f"inventory: {evidence.by} saw it on its web pages on {evidence.seen_on}"
         version = Fact(value=evidence.firmware, origin=Origin.DECLARED, note=note)
     return {**model, "serial": Fact(value=None, origin=Origin.NOT_READ, note=_NO_INTERFACE), "version": version}
 
@@ -265,7 +268,7 @@ def _declared_facts(host: Host) -> dict[str, Fact]:
 _USES: Mapping[str, str] = {
     PortUse.LAN: "LAN of the site",
     PortUse.MANAGEMENT: "the technician's laptop",
-    PortUse.OFF: "nothing: off",
+    PortUse.OFF: "unused: off",
     SwitchPortUse.UPLINK: "the cable to the router",
 }
 """Text for the intended use of a port; `lan` and `off` of a switch are the same as those of a router."""
@@ -275,7 +278,7 @@ def places(inventory: Inventory, host: Host) -> dict[str, str]:
     """Return what is connected to each port according to the inventory."""
     device = host.device
     if isinstance(device, Cpe):
-        return {device.port: "the cable to the router, which also feeds it"}
+        return {device.port: "the cable to the router, which also powers it"}
     if not isinstance(device, Router | Switch):
         return {}
     fed = {
@@ -301,7 +304,7 @@ def addresses(inventory: Inventory, site: str) -> dict[str, str]:
     result: dict[str, str] = {}
     for link in inventory.sites[site].bearers:
         result[str(link.gateway)] = f"next hop of {link.name}"
-        result |= {str(probe_target): f"canary of {link.name}" for probe_target in link.canaries}
+        result |= {str(probe_target): f"probe target of {link.name}" for probe_target in link.canaries}
     for entry in inventory.sites[site].lan.reservations:
         result |= {entry.mac: entry.name, str(entry.address): entry.name}
     for host in inventory.site_hosts(site):
@@ -344,14 +347,14 @@ class JournalFacts:
             return None
         run = self._run(name, Purpose.ADOPT)
         if run is None:
-            return Fact(value=None, origin=Origin.NOT_READ, note="the journal of this computer has no adoption of it")
+            return Fact(value=None, origin=Origin.NOT_READ, note="the journal on this computer has no adoption of it")
         by = run.start_record.by if run.start_record is not None else ""
         return Fact(value=by or "who did it was not recorded", origin=Origin.STORED, at=run.at, note=f"run {run.id}")
 
     def _confirmation_fact(self, name: str) -> Fact:
         run = self._run(name, Purpose.CONFIGURE)
         if run is None:
-            return Fact(value=None, origin=Origin.NOT_READ, note="the journal of this computer has no such run of it")
+            return Fact(value=None, origin=Origin.NOT_READ, note="the journal on this computer has no such run")
         return Fact(value=run.id, origin=Origin.STORED, at=run.at, note=run.outcomes[name].status)
 
     def _host_key(self, device: DeviceRecord) -> Fact | None:
@@ -363,8 +366,8 @@ class JournalFacts:
             return Fact(value=declared_key, origin=Origin.DECLARED)
         pinned_key = self._store.pins.host_key(device.name)
         if pinned_key is not None:
-            return Fact(value=pinned_key, origin=Origin.STORED, note="the pin of this computer")
-        return Fact(value=None, origin=Origin.NOT_READ, note="nobody has agreed to one on this computer")
+            return Fact(value=pinned_key, origin=Origin.STORED, note="the pin on this computer")
+        return Fact(value=None, origin=Origin.NOT_READ, note="none was accepted on this computer")
 
 
 async def look_at(site: SiteLook, selected_hosts: Sequence[Host]) -> tuple[tuple[DeviceRecord, ...], dict[str, str]]:

@@ -70,7 +70,7 @@ def declared_packages(inventory: Inventory, host: Host, request: Request) -> tup
         try:
             desired_packages = part(inventory, host, request).get("packages") or {}
         except NetcfgError as error:
-            notes.append(f"which packages `{name}` installs is not known, so they were not asked for: {error}")
+            notes.append(f"the packages of `{name}` are not known, so they were not queried: {error}")
             continue
         package_names |= {str(package["name"]) for package in desired_packages.get("packages") or ()}
     return tuple(sorted(package_names)), tuple(notes)
@@ -114,7 +114,7 @@ def _output(answer: probes.Answer) -> str | None:
 
 def _failure_text(answer: probes.Answer) -> str:
     last = next((line for line in reversed(getattr(answer, "err", "").splitlines()) if line), "")
-    return answer.words or last or "it printed nothing"
+    return answer.words or last or "no output"
 
 
 def _facts(outputs: Mapping[str, str | None]) -> dict[str, record.Fact]:
@@ -122,10 +122,10 @@ def _facts(outputs: Mapping[str, str | None]) -> dict[str, record.Fact]:
     model = _real_value(outputs["board"]) or _real_value(outputs["product"])
     serial = _real_value(outputs["board_serial"]) or _real_value(outputs["product_serial"])
     return {
-        "model": _fact(model, "its firmware names no model"),
-        "serial": _fact(serial, "its firmware names no serial number"),
-        "os": _fact(_release(outputs["os"] or ""), "its system does not say"),
-        "kernel": _fact(outputs["kernel"], "its system does not say"),
+        "model": _fact(model, "its firmware reports no model"),
+        "serial": _fact(serial, "its firmware reports no serial number"),
+        "os": _fact(_release(outputs["os"] or ""), "its system does not report it"),
+        "kernel": _fact(outputs["kernel"], "its system does not report it"),
         "host_key": _fact(key[0] if key else None, f"it has no {_HOST_KEY}"),
     }
 

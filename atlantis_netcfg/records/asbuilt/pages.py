@@ -41,7 +41,7 @@ _STATES = {
     ReadState.READ: "READ",
     ReadState.IN_PART: "READ IN PART",
     ReadState.NOT_REACHED: "NOT REACHED",
-    ReadState.BY_HAND: "NOT ASKED",
+    ReadState.BY_HAND: "NOT QUERIED",
     ReadState.NOT_REHEARSED: "NOT REHEARSED",
     ReadState.LEFT_OUT: "LEFT OUT",
 }
@@ -64,7 +64,7 @@ def subtitle(record: AsBuiltRecord) -> str:
 
 def what(record: AsBuiltRecord) -> str:
     """Return whether real devices were queried, as text."""
-    return "emulated devices, nothing real was asked" if record.rehearsed else "nothing was changed"
+    return "emulated devices; no real device was contacted" if record.rehearsed else "nothing was changed"
 
 
 def where(fact: Fact, zone: str) -> str:
@@ -76,7 +76,7 @@ def where(fact: Fact, zone: str) -> str:
         return "read in this run"
     if fact.origin is Origin.DECLARED:
         return fact.note or "declared"
-    words = f"stored, of {at}" if at else "stored"
+    words = f"stored on {at}" if at else "stored"
     return f"{words}, {fact.note}" if fact.note else words
 
 
@@ -109,7 +109,7 @@ def link_words(port: PortRecord) -> str:
 
 def neighbour_words(neighbour: PortNeighbour) -> str:
     """Return a neighbour and how it was detected, as text."""
-    return f"heard: {neighbour_text(neighbour)}, by {' and '.join(neighbour.by)}"
+    return f"neighbour: {neighbour_text(neighbour)}, from {' and '.join(neighbour.by)}"
 
 
 def closing(record: AsBuiltRecord) -> str:
@@ -118,24 +118,24 @@ def closing(record: AsBuiltRecord) -> str:
     read, away = (states.count(state) for state in (ReadState.READ, ReadState.NOT_REACHED))
     part, rest = states.count(ReadState.IN_PART), len(states)
     if not read and not away and not part:
-        return "Nobody was asked, so nothing was read"
+        return "No device was queried, so nothing was read"
     words = [f"{read} of {rest} devices were read"]
     words += [f"{part} in part"] if part else []
-    words += [f"{away} did not answer"] if away else []
+    words += [f"{away} did not respond"] if away else []
     out = states.count(ReadState.LEFT_OUT)
     words += [f"{out} were left out"] if out else []
     other_count = rest - read - part - away - out
-    words += [f"{other_count} cannot be asked"] if other_count else []
+    words += [f"{other_count} cannot be queried"] if other_count else []
     return ", ".join(words)
 
 
 def compared_words(record: AsBuiltRecord) -> str:
     """Return with which record this one is compared."""
     if record.since is None:
-        return "There is no record before this one: nothing is compared."
+        return "There is no earlier record to compare with."
     if not record.changes:
-        return f"Of what was read, nothing is different from record {record.since}."
-    return f"Different from record {record.since}:"
+        return f"No differences from record {record.since} in what was read."
+    return f"Differences from record {record.since}:"
 
 
 def rows(record: AsBuiltRecord, location: str) -> Iterator[printable.Row]:
@@ -164,7 +164,7 @@ def _rows(record: AsBuiltRecord) -> Iterator[printable.Row]:
         (printable.StyledText("  ~ ", printable.Style.WARNING), translate(change.words)) for change in record.changes
     )
     yield from (translate(f"note: {note}") for note in record.notes)
-    yield from (translate(f"this look has cost, over {name}: {words}") for name, words in record.costs.items())
+    yield from (translate(f"cost of this run over {name}: {words}") for name, words in record.costs.items())
     if record.not_rehearsed:
         yield translate(count_limits(len(record.not_rehearsed)))
     yield ""

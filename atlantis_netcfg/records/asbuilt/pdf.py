@@ -46,12 +46,12 @@ def pdf(record: AsBuiltRecord, digest: str) -> bytes:
         paper.tell(unread(), faint=True)
     paper.tell(translate(pages.subtitle(record)), faint=True)
     if record.rehearsed:
-        paper.tell(translate("REHEARSAL: nothing real was asked."), size=13, bold=True)
+        paper.tell(translate("REHEARSAL: no real device was contacted."), size=13, bold=True)
     paper.tell(translate(pages.closing(record)), size=11, bold=True)
     if record.checklist is not None:
         paper.tell(translate(pages.checklist_words(record.checklist, record.time_zone)))
     paper.tell(f"{FILE}: SHA-256 {digest}", size=_sheet.SMALL)
-    paper.head(translate("What is different"))
+    paper.head(translate("Differences"))
     paper.tell(translate(pages.compared_words(record)))
     for change in record.changes:
         paper.tell(f"• {translate(change.words)}", indent=_INDENT)
@@ -60,7 +60,7 @@ def pdf(record: AsBuiltRecord, digest: str) -> bytes:
     for table in report_tables(record):
         _table(paper, table)
     if record.not_rehearsed:
-        paper.head(translate("Not rehearsed"))
+        paper.head(translate("Limits of the rehearsal"))
     for entry in record.not_rehearsed:
         paper.tell(translate(entry), indent=_INDENT)
     return paper.to_bytes()
@@ -70,7 +70,7 @@ def _paper(record: AsBuiltRecord, digest: str) -> _sheet.Paper:
     paper = _sheet.Paper(translate(pages.heading(record)), record.tool, record.at)
     words = [translate(f"{record.site}, record {record.id}"), f"SHA-256 {digest[:DIGITS]}…"]
     paper.head_line = "; ".join(
-        [*words, *([translate("REHEARSED, nothing real was asked")] if record.rehearsed else [])]
+        [*words, *([translate("REHEARSED, no real device was contacted")] if record.rehearsed else [])]
     )
     paper.foot_line = translate(pages.closing(record))
     return paper
@@ -110,7 +110,7 @@ def _value(fact: Fact, zone: str) -> str:
 def _table(paper: _sheet.Paper, table: ReportTable) -> None:
     paper.head(translate(pages.table_words(table)), size=11)
     if not table.rows:
-        paper.tell(translate("nothing was read that belongs here"))
+        paper.tell(translate("nothing was read for this part"))
     for row in table.rows:
         pairs = zip(table.columns, row, strict=True)
         paper.tell(
@@ -184,8 +184,10 @@ def _side(width: float, height: float, modules: int) -> float:
         return side
     raise UsageError(
         f"labels of {width:g} by {height:g} mm are too small for their QR codes",
-        hint=f"declare `label_width_mm` {ceil(least / _SHARE)} and `label_height_mm` {ceil(least + 2 * _EDGE)}, or "
-        "more, under `asbuilt` in group_vars/all/pilot.yml",
+        hint=(
+            f"set `label_width_mm` {ceil(least / _SHARE)} and `label_height_mm` {ceil(least + 2 * _EDGE)}, or more, "
+            "under `asbuilt` in group_vars/all/pilot.yml"
+        ),
     )
 
 

@@ -60,7 +60,7 @@ class CableState(StrEnum):
 
     UP = "up"
     DOWN = "down"
-    UNKNOWN = "not known"
+    UNKNOWN = "unknown"
 
 
 class PortRecord(_Data):
@@ -83,9 +83,9 @@ class ReadState(StrEnum):
     IN_PART = "read in part"
     """It responded, but refused a query that devices of its kind answer."""
     NOT_REACHED = "not reached"
-    BY_HAND = "only a person can look"
+    BY_HAND = "only a person can check"
     NOT_REHEARSED = "not rehearsed"
-    LEFT_OUT = "left out"
+    LEFT_OUT = "excluded"
 
 
 class DeviceRecord(_Data):

@@ -103,9 +103,9 @@ def _first(menu: Sequence[Row]) -> dict[str, str]:
 def _system_facts(system: Mapping[str, str]) -> dict[str, Fact]:
     model = system.get("model") or system.get("board-name")
     return {
-        "model": _fact(model, "the device names no model"),
-        "serial": _fact(system.get("serial-number"), "the board shows no serial number"),
-        "version": _fact(system.get("version"), "the device says no version"),
+        "model": _fact(model, "the device reports no model"),
+        "serial": _fact(system.get("serial-number"), "the board reports no serial number"),
+        "version": _fact(system.get("version"), "the device reports no version"),
         "boot_firmware": _fact(system.get("current-firmware"), "the board has no boot loader of its own"),
     }
 
@@ -119,7 +119,7 @@ def _modem(reply: Reply | None, mask: NumberMask) -> dict[str, Fact]:
     if reply is None:
         return {}
     row = _first(rows(reply) or ())
-    silent = "the modem does not say it now"
+    silent = "the modem does not report it now"
     model = " ".join(row[name] for name in ("manufacturer", "model") if row.get(name))
     numbers = {name: mask_number(row[name], mask) if row.get(name) else None for name in ("imei", "iccid")}
     modem_facts = {"modem": _fact(model, silent), "modem_firmware": _fact(row.get("revision"), silent)}
@@ -210,7 +210,7 @@ def _notes(
     """Yield the reasons why neighbours may be missing."""
     listens = _first(rows_by_menu["discovery"]).get("discover-interface-list")
     if listens == "none":
-        yield "neighbour discovery is off on the device, so that nobody tells it a name"
+        yield "neighbour discovery is off on the device, so it learns no names"
     yield from _refusals(menus, ("board", "bridge", "arp"))
     rename_notes = [
         f"{row['default-name']} is called {row['name']}" for row in interfaces if row["default-name"] != row["name"]

@@ -217,9 +217,9 @@ def _over_time(record: QualifyRecord, name: str, load: str, points: Sequence[tup
     chart.path((_column(place, y.at(low), y.at(high)) for place, (low, high) in columns.items()), _FIRST)
     ticks = dict.fromkeys(round(x.at(at)) for at in silent)
     chart.path((f"M{place},{top}V{top + 6}" for place in ticks), _LOSS)
-    words = f"{len(answered_points)} of {len(points)} packets were answered."
+    words = f"{len(answered_points)} of {len(points)} packets got a response."
     if silent:
-        chart.text(right, 34, translate(f"unanswered: {len(silent)}, ticks at the top"), anchor="end", fill=_LOSS)
+        chart.text(right, 34, translate(f"no response: {len(silent)}, ticks at the top"), anchor="end", fill=_LOSS)
     return chart.plot(name, [words, *_percentile_words(sorted(rtt for _, rtt in answered_points))])
 
 
@@ -231,12 +231,12 @@ def _column(place: int, low: float, high: float) -> str:
 def _percentile_words(sorted_values: Sequence[float]) -> list[str]:
     if not sorted_values:
         return []
-    return [f"Least round trip {sorted_values[0]:.3f} s, greatest {sorted_values[-1]:.3f} s."]
+    return [f"Shortest round trip {sorted_values[0]:.3f} s, longest {sorted_values[-1]:.3f} s."]
 
 
 def _shares(record: QualifyRecord, series: Sequence[tuple[str, Sequence[float]]]) -> Plot:
     """Draw the empirical distribution: the share of round trips up to each value."""
-    chart = _Chart(record, "Round trips: share that is not longer")
+    chart = _Chart(record, "Round trips: cumulative share")
     left, right, bottom, top = _frame()
     low, high = min(values[0] for _, values in series), max(values[-1] for _, values in series)
     x = _Axis.build(low, high, left, right, may_be_log=True)
@@ -280,7 +280,7 @@ def _bars(chart: _Chart, bars: Sequence[tuple[str, float | None, str]], y: _Axis
 
 
 def _gaps(record: QualifyRecord, train: TrainFigures) -> Plot:
-    chart = _Chart(record, "Gaps without an arrival, without load")
+    chart = _Chart(record, "Gaps without packets, without load")
     left, right, bottom, top = _frame()
     above = [*train.gaps.above, (None, 0)]
     bars: list[tuple[str, float | None, str]] = []
@@ -290,7 +290,7 @@ def _gaps(record: QualifyRecord, train: TrainFigures) -> Plot:
     y = _Axis.build(0, max((value or 0 for _, value, _ in bars), default=0), bottom, top + 14, whole=True)
     chart.axes(_Axis(0, 1, left, right), y, "length of the gap", "number")
     _bars(chart, bars, y)
-    end = " It had not ended when the train did." if train.gaps.open_end and train.gaps.above[0][1] else ""
+    end = " It was still open when the packet train ended." if train.gaps.open_end and train.gaps.above[0][1] else ""
     longest = f"The longest gap lasted {train.gaps.longest_s:.2f} s.{end}"
     return chart.plot("gaps", [longest, *(f"{label}: {words}." for label, _, words in bars)])
 
@@ -305,7 +305,7 @@ def _losses(record: QualifyRecord, trains: Sequence[tuple[str, TrainFigures]]) -
         ways = [(f"up, {words_of_load}", up), (f"down, {words_of_load}", down)]
         for way, share in ways if up is not None else [(f"both ways, {words_of_load}", both)]:
             percent = None if share is None else 100 * share
-            words = translate("not known") if percent is None else f"{percent:.2f} %"
+            words = translate("unknown") if percent is None else f"{percent:.2f} %"
             bars.append((translate(way), percent, words))
     y = _Axis.build(0, max((value or 0 for _, value, _ in bars), default=0) or 1.0, bottom, top + 14)
     chart.axes(_Axis(0, 1, left, right), y, "direction of the packets", "%")

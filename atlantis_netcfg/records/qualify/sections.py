@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.links.qualify.record import MeasuredRate, QualifyRecord
 
-UNKNOWN: Final = "not known"
+UNKNOWN: Final = "unknown"
 _MILLI_BELOW_S: Final = 10.0
 _FINE_BELOW_MS: Final = 10.0
 _KILO, _MEGA = 1_000, 1_000_000
@@ -31,13 +31,13 @@ _COLUMNS: Final = {
     "figures": ("figure", "without load", "under load"),
     "load": ("direction", "message size", "sent", "received", "offered", "goodput", "50 %", "95 %"),
     "grid": ("size", "Hz", "sent", "received", "up %", "down %", "50 %", "95 %", "MB/h", "verdict"),
-    "highest": ("size", "highest rate", "limited by", "how sure", "on the wire"),
-    "used": ("what", "how much"),
+    "highest": ("size", "highest rate", "limited by", "certainty", "on the wire"),
+    "used": ("what", "amount"),
     "circumstances": ("what", "value"),
 }
 """Columns of each table, by its content."""
 _DIRECTIONS = {"up": "to the far end", "down": "from the far end"}
-_LOSSES: Final = "up %, down %: what was lost each way; -: not known."
+_LOSSES: Final = "up %, down %: loss each way; -: not known."
 _SHARES: Final = ("FLR", "AVAIL")
 
 
@@ -76,19 +76,21 @@ def closing_sentence(record: QualifyRecord) -> str:
     """Return one sentence on the result: how many criteria hold. The page prints the verdict before it."""
     verdicts = [item.verdict for item in record.judgements]
     if not verdicts:
-        return "nothing was judged: the run has no round trips without load"
+        return "no criterion was checked: the run has no round trips without load"
     pass_count = verdicts.count(Verdict.PASS)
-    words = f"{pass_count} of {len(verdicts)} criteria of `{record.thresholds_name}` hold"
+    words = f"{pass_count} of {len(verdicts)} criteria of `{record.thresholds_name}` are met"
     way = (
-        "the traffic left by this link" if record.run.way is Verdict.PASS else "that it left by this link is not proved"
+        "the traffic used this link"
+        if record.run.way is Verdict.PASS
+        else "it is not proved that the traffic used this link"
     )
     if record.run.way is Verdict.FAIL:
-        way = "the traffic left by another link"
+        way = "the traffic used another link"
     short = "" if record.run.reason == EndReason.DONE else f"; it ended early: {record.run.reason}"
     return f"{words}; {way}{short}{'; over an emulated link' if record.run.emulated else ''}"
 
 
-EMULATED_NOTICE: Final = "EMULATED LINK: these figures say nothing of a real one."
+EMULATED_NOTICE: Final = "EMULATED LINK: these figures say nothing about a real link."
 
 
 def sections(record: QualifyRecord) -> list[PageSection]:
@@ -153,7 +155,9 @@ def _path_section(record: QualifyRecord) -> PageSection:
     notes = [f"{run.way.value}{why}"]
     if rows:
         whose = "this computer's tunnel" if run.far_end.over_vpn else "this run"
-        notes.append(f"By the router's counters: packets of {whose}, and all bytes that passed the port meanwhile.")
+        notes.append(
+            f"From the router's counters: packets of {whose}, and all bytes through the port during that time."
+        )
     return PageSection(
         "way",
         "Which link carried it",
@@ -171,7 +175,7 @@ def _figures(record: QualifyRecord) -> PageSection:
     rows = tuple((title, *("-" if train is None else take(train) for train in trains)) for title, take in _ROWS)
     notes = [f"Loss each way: {train.loss.why}." for train in trains[:1] if train is not None]
     if record.idle is not None and record.idle.reason != "done":
-        notes.append(f"The train without load ended early: {record.idle.reason}.")
+        notes.append(f"The packet train without load ended early: {record.idle.reason}.")
     plots = ("idle-time", "loaded-time", "shares", "gaps", "loss")
     if record.idle is None and record.under_load is None:
         return PageSection("figures", "Round trips, loss and gaps", ("No round trips were measured.",))
@@ -204,29 +208,29 @@ def _longest(train: figures.TrainFigures) -> str:
 
 _ROWS: Final[tuple[tuple[str, Callable[[figures.TrainFigures], str]], ...]] = (
     ("packets sent", lambda train: str(train.loss.sent)),
-    ("packets answered", lambda train: str(train.loss.received)),
-    ("round trip, least", _rtt("min")),
+    ("packets with a response", lambda train: str(train.loss.received)),
+    ("round trip, shortest", _rtt("min")),
     ("round trip, 50 %", _rtt("p50")),
     ("round trip, 90 %", _rtt("p90")),
     ("round trip, 95 %", _rtt("p95")),
     ("round trip, 99 %", _rtt("p99")),
-    ("round trip, greatest", _rtt("max")),
+    ("round trip, longest", _rtt("max")),
     ("round trips a minute (RPM)", lambda train: UNKNOWN if train.rpm is None else f"{train.rpm:.0f}"),
     ("loss up", lambda train: format_percentage(loss_shares(train)[0])),
     ("loss down", lambda train: format_percentage(loss_shares(train)[1])),
-    ("loss, both ways together", lambda train: format_percentage(train.loss.share)),
+    ("loss, both directions together", lambda train: format_percentage(train.loss.share)),
     ("lost in gaps", lambda train: str(train.flr.in_gaps)),
     ("loss up, outside of gaps", lambda train: format_percentage(train.flr.up)),
     ("loss down, outside of gaps", lambda train: format_percentage(train.flr.down)),
-    ("late answers", lambda train: str(train.loss.late)),
+    ("late responses", lambda train: str(train.loss.late)),
     ("in flight at the end", lambda train: str(train.loss.in_flight)),
     ("refused by the reflector", lambda train: str(train.loss.limited)),
-    ("copies up", lambda train: _count(train.loss.copies_up)),
-    ("copies down", lambda train: str(train.loss.copies_down)),
+    ("duplicates up", lambda train: _count(train.loss.copies_up)),
+    ("duplicates down", lambda train: str(train.loss.copies_down)),
     ("reordered up", lambda train: format_percentage(train.reordered_up)),
     ("reordered down", lambda train: format_percentage(train.reordered_down)),
-    ("delay above the least up, 95 %", _variation(lambda each: each.above_min.p95, "up")),
-    ("delay above the least down, 95 %", _variation(lambda each: each.above_min.p95, "down")),
+    ("delay above the minimum up, 95 %", _variation(lambda each: each.above_min.p95, "up")),
+    ("delay above the minimum down, 95 %", _variation(lambda each: each.above_min.p95, "down")),
     ("jitter up (RFC 3550)", _variation(lambda each: each.rfc3550_mean_s, "up")),
     ("jitter down (RFC 3550)", _variation(lambda each: each.rfc3550_mean_s, "down")),
     ("IPDV up, 95 %", _variation(lambda each: each.ipdv_p95_s, "up")),
@@ -306,7 +310,7 @@ def _highest_rate_section(record: QualifyRecord) -> PageSection:
         )
         for row in record.highest_rates
     )
-    note = "Proved: this rate was sustained, and a higher one was seen to fail."
+    note = "Proved: this rate was sustained, and a higher one failed."
     return PageSection(
         "highest", "The highest rate that the link sustains", (note,), FigureTable(_COLUMNS["highest"], rows)
     )
@@ -325,18 +329,18 @@ def _usage_section(record: QualifyRecord) -> PageSection:
         ("bytes sent, by this computer", str(run.sent_bytes)),
         ("bytes received, by this computer", str(run.received_bytes)),
         (
-            "bytes an hour, while it measured",
+            "bytes per hour during the measurement",
             UNKNOWN if record.mb_per_hour is None else f"{record.mb_per_hour:.1f} MB/h",
         ),
         ("price of this run", money),
-        ("it lasted", UNKNOWN if duration_s is None else f"{duration_s:.0f} s"),
-        ("it ended because", run.reason),
+        ("duration", UNKNOWN if duration_s is None else f"{duration_s:.0f} s"),
+        ("reason for the end", run.reason),
     ]
     limits = run.budget
     rows += [("budget in bytes", str(limits.max_bytes))] if limits.max_bytes is not None else []
     rows += [("budget in seconds", f"{limits.max_seconds:g} s")] if limits.max_seconds is not None else []
     rows += [("budget in money", f"{limits.max_price} {run.currency or ''}")] if limits.max_price is not None else []
-    return PageSection("used", "What it used, on the wire", (), FigureTable(_COLUMNS["used"], tuple(rows)))
+    return PageSection("used", "Data used, on the wire", (), FigureTable(_COLUMNS["used"], tuple(rows)))
 
 
 def _circumstances(record: QualifyRecord) -> PageSection:
@@ -345,12 +349,12 @@ def _circumstances(record: QualifyRecord) -> PageSection:
     rows = [
         ("kind of link", run.kind),
         ("far end", f"{end.name}, {end.address} port {end.port}"),
-        ("way to the far end", "through the VPN" if end.over_vpn else "beside the VPN"),
+        ("path to the far end", "through the VPN" if end.over_vpn else "outside the VPN"),
         ("test packets", "authenticated with a key" if end.authenticated else "not authenticated"),
         ("sent from", end.source),
         ("this computer's clock", clock_words(run)),
-        ("it began", time_text(run.begun, run.time_zone)),
-        ("it ended", UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
+        ("start", time_text(run.begun, run.time_zone)),
+        ("end", UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
         ("what was measured", run.selection.value),
         ("tool", f"atlantis-netcfg {run.tool}"),
         ("SHA-256 of samples.jsonl", record.samples_sha256),

@@ -41,9 +41,9 @@ def find_survey(folder: Path, name: str) -> Path:
     if name in names:
         return folder / name
     near = errors.nearest(name, names)
-    there = f"there are: {', '.join(sorted(names)[-5:])}" if names else "there is none yet"
+    there = f"available: {', '.join(sorted(names)[-5:])}" if names else "none yet"
     raise errors.NoMatchError(
-        f"no survey `{name}` is kept", hint=f"did you mean `from={near}`? {there}" if near else there
+        f"there is no saved survey `{name}`", hint=f"did you mean `from={near}`? {there}" if near else there
     )
 
 
@@ -82,15 +82,15 @@ class SurveyOutcome:
 def evaluate_survey(survey: points.Survey) -> SurveyOutcome:
     """Return exit code and summary; CHECKS_FAILED if a requested measurement is missing from every point."""
     if not survey.points:
-        return SurveyOutcome(errors.ExitCode.NOTHING, "no point was taken")
+        return SurveyOutcome(errors.ExitCode.NOTHING, "no point was recorded")
     tested_points = [point for point in survey.points if point.rtt_median_s is not None]
     levels = [point for point in survey.points if point.rsrp_dbm is not None]
     lacks = [] if survey.placed_points else [f"no point has a position ({survey.points[-1].no_position})"]
     if not levels:
-        lacks.append(f"the unit told no level ({survey.points[-1].no_radio or 'it does not say'})")
+        lacks.append(f"the unit reported no level ({survey.points[-1].no_radio or 'it does not report it'})")
     if survey.header.far_end is not None and not tested_points:
         reasons = list(dict.fromkeys(point.no_test for point in survey.points if point.no_test))
-        lacks.append(f"no test over the link was answered ({', '.join(reasons)})")
+        lacks.append(f"no test over the link got a response ({', '.join(reasons)})")
     if lacks:
         return SurveyOutcome(errors.ExitCode.CHECKS_FAILED, "; ".join(lacks))
     whole = sum(point.position is not None and point.rsrp_dbm is not None for point in survey.points)

@@ -94,9 +94,9 @@ def read_coast(path: Path) -> Coast:
     except OSError as error:
         raise UsageError(f"`coast={path}` cannot be read: {error.strerror}", hint="name a GeoJSON file") from error
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError) as error:
-        raise UsageError(f"`coast={path}` is no GeoJSON", hint="export the coast line as GeoJSON, WGS 84") from error
+        raise UsageError(f"`coast={path}` is not GeoJSON", hint="export the coast line as GeoJSON, WGS 84") from error
     if not lines:
-        raise UsageError(f"`coast={path}` has no line and no outline", hint="points draw no coast")
+        raise UsageError(f"`coast={path}` contains no line and no polygon", hint="points cannot draw a coast line")
     return Coast(path.name, lines)
 
 

@@ -41,7 +41,7 @@ _LOOK_S: Final = 0.5
 """Interval in seconds at which due steps are checked."""
 ANOTHER_LINK: Final = "another link carries the traffic"
 BUDGET: Final = "the hourly budget"
-NO_ANSWER: Final = "nobody answers"
+NO_ANSWER: Final = "no response"
 STOP_REASON: Final = "it was stopped"
 NOT_CONFIRMED: Final = "the receiver did not confirm the message"
 NOTHING_SENT: Final = "nothing is sent"
@@ -78,8 +78,8 @@ class SurveyPlan:
         cost = self.test_bytes(headers)
         if self.hourly_bytes < 3 * cost:
             raise HourlyBudgetError(
-                f"{self.hourly_bytes} bytes an hour are too few: a test needs up to {cost}, and three have to fit",
-                hint=f"type `--max-mb {3.01 * cost / 1_000_000:.2f}` or more, or `--radio-only`, which sends nothing",
+                f"{self.hourly_bytes} bytes per hour are not enough: a test needs up to {cost}, and three must fit",
+                hint=f"use `--max-mb {3.01 * cost / 1000000:.2f}` or more, or `--radio-only`, which sends nothing",
             )
         return HOUR_S * cost / (self.hourly_bytes - 2 * cost)
 
@@ -317,11 +317,13 @@ def parse_steps(text: str | None) -> tuple[float | None, float]:
     matches = [_STEP.fullmatch(part.strip()) for part in text.split(",")]
     step_by_unit = {match[2]: float(match[1]) for match in matches if match is not None}
     if None in matches or len(step_by_unit) != len(matches):
-        raise UsageError(f"`every={text}` is no step", hint="type metres, seconds, or both: `every=50m,30s`")
+        raise UsageError(
+            f"`every={text}` is not a valid interval", hint="give metres, seconds, or both: `every=50m,30s`"
+        )
     if step_by_unit.get("s", _LEAST_S) < _LEAST_S or step_by_unit.get("m", _LEAST_M) < _LEAST_M:
         raise UsageError(
-            f"`every={text}` is too often",
-            hint=f"at least {_LEAST_S:g} s and {_LEAST_M:g} m: the unit is read each time",
+            f"`every={text}` is too frequent",
+            hint=f"use at least {_LEAST_S:g} s and {_LEAST_M:g} m: the unit is read each time",
         )
     return step_by_unit.get("m"), step_by_unit.get("s", plan.step_s)
 
@@ -330,7 +332,7 @@ def parse_hourly_budget(text: str) -> int:
     """Parse `--max-mb` into bytes per hour; the maximum is 2 MB. Raises UsageError."""
     if not re.fullmatch(r"\d{1,3}(\.\d{1,6})?", text) or not 0 < float(text) <= MAX_MB:
         raise UsageError(
-            f"`--max-mb {text}` is no budget of a survey",
-            hint=f"type megabytes for each hour, {MAX_MB:g} at most: `--max-mb 0.5`",
+            f"`--max-mb {text}` is not a valid budget",
+            hint=f"give megabytes per hour, {MAX_MB:g} at most: `--max-mb 0.5`",
         )
     return round(float(text) * 1_000_000)

@@ -199,7 +199,7 @@ def _missing_reason(point: SurveyPoint, name: str) -> str:
     """Return the reason why a value is missing."""
     if name in {"rtt_median_s", "goodput_up_bps"}:
         return point.no_test or "nothing was received"
-    return point.no_radio or "the unit does not say"
+    return point.no_radio or "the unit does not report it"
 
 
 def _legend(marks: Sequence[TrackMark], words: Sequence[str]) -> tuple[LegendRow, ...]:
@@ -224,9 +224,9 @@ def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
 
 
 _ENDS: Final = {
-    "done": "it went on until its time was over, or until a person ended it",
-    "stopped": "it was stopped, and everything until then is here",
-    "cut off": "its end is missing: the program was killed, or the survey goes on",
+    "done": "it ran until its time was over or a person ended it",
+    "stopped": "it was interrupted; all data up to then is here",
+    "cut off": "its end is missing: the program was killed, or the survey is still running",
 }
 
 
@@ -242,12 +242,14 @@ def summary(survey: Survey) -> tuple[str, ...]:
         f"{len(points)} points, {len(survey.placed_points)} of them with a position",
         f"{levels} points with a level of the unit",
         (
-            f"{test_count} tests over the link, {answer_count} of them answered, "
-            f"{byte_count / 1000:.1f} kB sent and received"
+            f"{test_count} tests over the link, {answer_count} of them with a response, {byte_count / 1000:.1f} kB "
+            "sent and received"
         ),
     ]
     if unproved_count and not survey.header.emulated:
-        lines.append(f"of {unproved_count} tests nobody knows which link has carried them: the router did not say")
+        lines.append(
+            f"for {unproved_count} tests it is not known which link carried them: the router did not report it"
+        )
     lines += [f"{count} points without a position: {reason}" for reason, count in count_unplaced(survey)]
     return (*lines, _ENDS[survey.reason])
 
@@ -270,7 +272,7 @@ def render_page(survey: Survey, coast: Coast | None = None) -> bytes:
         survey=survey,
         header=header,
         subtitle=f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
-        source=f"link {header.link}, read from {header.unit}, positions by {header.positions_by}",
+        source=f"link {header.link}, read from {header.unit}, positions from {header.positions_by}",
         frame=frame,
         width=_WIDTH,
         layers=layers(survey, frame) if frame is not None else (),

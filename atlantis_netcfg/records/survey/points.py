@@ -166,7 +166,7 @@ def read_survey(path: Path) -> Survey:
     """Read a survey file. Raises SurveyUnreadable (with line number) and OSError."""
     lines = [*_lines(path)]
     if not lines or not isinstance(lines[0], SurveyHeader):
-        raise SurveyUnreadable(f"{path}:1: this is not the beginning of a survey", hint=f"take a `{SURVEY_FILE}`")
+        raise SurveyUnreadable(f"{path}:1: this is not the start of a survey", hint=f"use a `{SURVEY_FILE}`")
     points = tuple(line for line in lines if isinstance(line, SurveyPoint))
     end = next((line for line in lines if isinstance(line, SurveyEnd)), None)
     return Survey(lines[0], points, end)
@@ -181,6 +181,6 @@ def _lines(path: Path) -> Iterator[SurveyHeader | SurveyPoint | SurveyEnd]:
                 yield _ADAPTER.validate_json(line)
             except ValidationError as error:
                 raise SurveyUnreadable(
-                    f"{path}:{number}: this line is no part of a survey",
-                    hint="take the file as it was written: nothing in it is meant to be edited",
+                    f"{path}:{number}: this line does not belong to a survey",
+                    hint="use the original file: it must not be edited",
                 ) from error

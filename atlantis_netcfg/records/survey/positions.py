@@ -43,15 +43,15 @@ _OTHER_RECEIVER_S: Final = 10.0
 class NoPosition(StrEnum):
     """Reason why there is no position."""
 
-    NO_GPSD = "gpsd does not answer"
-    NO_REPORT = "no report of the receiver"
+    NO_GPSD = "gpsd does not respond"
+    NO_REPORT = "no report from the receiver"
     NO_FIX = "no fix"
     NO_TIME = "the fix has no time"
     OLD = "the fix is too old"
     POOR = "poor geometry"
     NOT_MEASURED = "the receiver has not measured it"
     NULL = "latitude and longitude are 0"
-    NOT_TYPED = "no position was typed"
+    NOT_TYPED = "no position was entered"
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,8 +227,8 @@ def parse_gpsd_address(text: str) -> tuple[str, int]:
     port = int(match["port"] or GPSD_PORT) if match is not None else 0
     if match is None or not 0 < port < 65536:  # noqa: PLR2004 - ports have 16 bits
         raise UsageError(
-            f"`gps={text}` is no gpsd",
-            hint="type `gps=gateway`, `gps=here`, or an address with or without its port: `gps=192.0.2.7:2947`",
+            f"`gps={text}` is not a gpsd address",
+            hint="use `gps=gateway`, `gps=here`, or an address with or without its port: `gps=192.0.2.7:2947`",
         )
     return match["host"].strip("[]"), port
 

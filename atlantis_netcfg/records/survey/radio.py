@@ -30,22 +30,24 @@ if TYPE_CHECKING:
 
 _ROUTES = Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",))
 _ROUTER_S = 5.0
-BY_HAND = "`driver: manual`: a person looks at its own page"
+BY_HAND = "`driver: manual`: check its own web page"
 
 
 def find_survey_link(inventory: Inventory, site: str, name: str | None) -> model.Link:
     """Return the site's 4G link of that name, or its only one. Raises UsageError."""
     links = {link.name: link for link in inventory.sites[site].bearers if link.kind is model.LinkKind.LTE}
-    choices = f"its 4G links: {', '.join(links)}" if links else "it declares no 4G link"
+    choices = f"its 4G links: {', '.join(links)}" if links else "it has no 4G link"
     if name is None and len(links) == 1:
         return next(iter(links.values()))
     if name in links:
         return links[name]
     if name is None:
-        raise errors.UsageError(f"`{site}` has no single 4G link to survey: {choices}", hint="type which: `link=4g`")
+        raise errors.UsageError(
+            f"`{site}` does not have exactly one 4G link: {choices}", hint="say which one: `link=4g`"
+        )
     near = errors.nearest(name, links)
     raise errors.UsageError(
-        f"`link={name}` is no 4G link of `{site}`: {choices}",
+        f"`link={name}` is not a 4G link of `{site}`: {choices}",
         hint=f"did you mean `link={near}`?" if near else "a survey reads a 4G unit",
     )
 
@@ -55,8 +57,8 @@ def find_lte_unit(inventory: Inventory, link: model.Link) -> Host:
     host = inventory.hosts.get(link.device or "")
     if host is None or not isinstance(host.device, model.LteRouter):
         raise errors.UsageError(
-            f"link `{link.name}` has no 4G unit that could be read",
-            hint="declare its box, and `device:` of the link (docs/4g.md)",
+            f"link `{link.name}` has no 4G unit that can be read",
+            hint="add its 4G unit to the inventory, and set `device:` of the link (docs/4g.md)",
         )
     return host
 

@@ -31,7 +31,10 @@ START: Final = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
 _SOURCE: Final = ("192.0.2.1", 40000)
 _TTL: Final = 64
 NOT_REHEARSED: Final = (
-    "the survey: gpsd's connection and the sky; the coverage is made up; which link carries the test packets",
+    (
+        "the survey: the connection to gpsd and satellite reception; the real coverage (simulated here); which link "
+        "carries the test packets"
+    ),
 )
 
 

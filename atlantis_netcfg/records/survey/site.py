@@ -114,8 +114,8 @@ class SiteSurvey:
         far = self.inventory.pilot.qualify
         if far is None:
             raise UsageError(
-                "no far end is declared that could answer test packets",
-                hint="declare `qualify:` in group_vars/all/pilot.yml, or type `--radio-only`, which sends nothing",
+                "the inventory has no far end that could respond to test packets",
+                hint="set `qualify:` in group_vars/all/pilot.yml, or use `--radio-only`, which sends nothing",
             )
         address = str(far.address or self.inventory.pilot.vpn.endpoint)
         return address, far.port, key_of(far)
@@ -141,8 +141,8 @@ class SiteSurvey:
             return UdpTransport((address, port))
         except OSError as error:
             raise UsageError(
-                f"this computer has no way to the far end {address}: {error.strerror}",
-                hint="connect it to the network of the site, or type `--radio-only`, which sends nothing",
+                f"this computer has no route to the far end {address}: {error.strerror}",
+                hint="connect it to the network of the site, or use `--radio-only`, which sends nothing",
             ) from error
 
     def _build_emulation(
@@ -166,7 +166,7 @@ class SiteSurvey:
         if self.gps == "gateway" or (self.gps is None and with_receiver):
             gateway = next(iter((*with_receiver, *gateways)), None)
             if gateway is None:
-                raise UsageError(f"`{self.site}` has no gateway", hint="type `gps=here`, or the address of a gpsd")
+                raise UsageError(f"`{self.site}` has no gateway", hint="use `gps=here`, or the address of a gpsd")
             words = [*ssh_command(computer_access(self.inventory, gateway, self.request))]
             forward = ["-W", f"127.0.0.1:{GPSD_PORT}"]
             return GpsdSource(f"gpsd of {gateway.name}", command=[*words[:-1], *forward, words[-1]])

@@ -104,8 +104,8 @@ def needs_run_marker(work: RunContext) -> bool:
 def _as_read(work: RunContext) -> str:
     """Build a snapshot from the rows that were read, for a device that cannot export its configuration."""
     if work.observation.facts.version >= _READS_FILES:
-        raise DeviceError("the state before the change cannot be saved, so nothing is changed")
-    work.notes.append("the device cannot hand out its export: what was read of it is saved instead")
+        raise DeviceError("cannot save the state before the change, so nothing is changed")
+    work.notes.append("the device cannot export its configuration: the rows that were read are saved instead")
     return snapshot.write(work.job.name, _state.restore_target(work.observation), work.observation)
 
 
@@ -133,7 +133,7 @@ async def take_safe_mode(work: RunContext) -> None:
 
 def _record_protection(work: RunContext) -> None:
     work.record(runs.ProtectionRecord(device=work.job.name, how=work.choice.value))
-    work.say(Stage.PROTECTED, "safe mode is active: the device takes the changes back if the session is lost")
+    work.say(Stage.PROTECTED, "safe mode is active: the device undoes the changes if the session is lost")
 
 
 def _require_no_other_session(work: RunContext, claims: api.Reply, holder: safe_mode.Holder | None) -> None:
@@ -161,7 +161,7 @@ async def _arm(work: RunContext) -> None:
         work.choice = _protection.ProtectionChoice(_protection.Protection.CONSOLE, None, f"no dead-man job: {problem}")
         work.notes.append(f"no dead-man job: {problem}")
         return
-    work.say(Stage.PROTECTED, f"a dead-man job is armed: the device takes everything back in {after_s / 60:.0f} min")
+    work.say(Stage.PROTECTED, f"a dead-man job is armed: the device rolls everything back in {after_s / 60:.0f} min")
     if work.protection is _protection.Protection.DEAD_MAN:
         work.record(runs.ProtectionRecord(device=work.job.name, how=work.choice.value))
 
@@ -196,7 +196,7 @@ async def _recheck_state(work: RunContext) -> None:
     if changed_menus:
         raise _protection.InterferenceError(
             f"somebody else has changed the device since it was read ({', '.join(changed_menus[:_SHOWN_HANDS])})",
-            hint="run the same command again: it plans from what is there now",
+            hint="run the same command again: it computes a new plan from the current state",
         )
 
 
@@ -270,7 +270,7 @@ async def _send(
 ) -> tuple[api.Reply, ...]:
     """Send one turn; return the replies to `beside`."""
     if work.dead_man is not None and work.dead_man.is_near(asyncio.get_running_loop().time()):
-        raise safe_mode.ProtectionLost("the change takes so long that the dead-man job is about to take it back")
+        raise safe_mode.ProtectionLost("the change takes so long that the dead-man job is about to roll it back")
     layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in turn))
     numbers = tuple(dict.fromkeys(action.number for action in turn))
     work.record(runs.LayerSent(device=work.job.name, layer=layers, actions=numbers))
@@ -287,7 +287,7 @@ async def _send(
 
 def _lose_protection(work: RunContext, holder: safe_mode.Holder) -> safe_mode.ProtectionLost:
     work.holding = False
-    who = f"{holder.who} has taken safe mode from us" if holder.is_taken else "safe mode is not held any more"
+    who = f"{holder.who} has taken over safe mode from us" if holder.is_taken else "we no longer hold safe mode"
     return safe_mode.ProtectionLost(f"{who} in the middle of the change")
 
 
@@ -321,13 +321,13 @@ async def _take_later(work: RunContext, current: safe_mode.SafeModeUnavailable) 
         )
     except VerificationError as changed:
         raise _protection.InterferenceError(
-            f"somebody else has changed the device between two pieces: {changed}"
+            f"somebody else has changed the device between two parts of the change: {changed}"
         ) from changed
 
 
 async def verify(work: RunContext, rest: Sequence[_types.Action]) -> None:
     """Read back in a new session; only `rest` may still differ. Raises VerificationError."""
-    work.say(Stage.VERIFYING, "reading back in a new session")
+    work.say(Stage.VERIFYING, "verifying in a new session")
     now = await _wait_for_pin_result(work, await _read_anew(work))
     _verify_against_plan(work, now, rest)
     await _wait_for_routes(work, now)
@@ -347,7 +347,7 @@ async def _read_anew(work: RunContext) -> _types.Observation:
                 raise VerificationError(f"no new session lasts long enough to read the device: {lost}") from lost
             await asyncio.sleep(patience.first_poll_s)
         except DeviceError as failed:
-            raise VerificationError(f"the device cannot be entered anew: {failed}", hint=failed.hint) from failed
+            raise VerificationError(f"cannot log in to the device again: {failed}", hint=failed.hint) from failed
 
 
 async def _read(work: RunContext, session: Channel) -> _types.Observation:
@@ -371,7 +371,7 @@ async def _wait_for_pin_result(work: RunContext, now: _types.Observation) -> _ty
     monitor = pin.monitor_of(now.rows.get(pin.LTE, ()))
     while pin.pending(work.job.desired_state, now):
         if clock() >= until:
-            raise VerificationError(f"the modem has not taken the PIN within {patience.modem_s:.0f} s")
+            raise VerificationError(f"the modem did not accept the PIN within {patience.modem_s:.0f} s")
         await asyncio.sleep(patience.first_poll_s)
         now = replace(now, modem=modem_row(await work.channel.command(monitor)))
     return now
@@ -394,7 +394,7 @@ def _verify_against_plan(work: RunContext, now: _types.Observation, rest: Iterab
     try:
         second = plan(work.job.name, work.job.desired_state, now)
     except CannotPlan as problem:
-        raise VerificationError(f"what was read back does not fit any more: {problem}") from problem
+        raise VerificationError(f"no plan can be made for the state that was read back: {problem}") from problem
     remaining_actions = Counter(map(_action_key, second.actions)) - Counter(map(_action_key, rest))
     if remaining_actions:
         names = [f"{verb} {subject}" for (_, verb, subject) in list(remaining_actions)[:_LIST_LIMIT]]
@@ -405,7 +405,7 @@ def _verify_against_plan(work: RunContext, now: _types.Observation, rest: Iterab
     ]
     if unused_rows:
         raise VerificationError(
-            f"the device took these rows, but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
+            f"the device accepted these rows but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
         )
 
 
@@ -437,7 +437,7 @@ async def _release(work: RunContext, holder: safe_mode.Holder, *, last: bool = F
     work.holding = False
     work.note_marker_removed(farewell)
     if not _are_changes_present(witness, answers):
-        raise safe_mode.ProtectionLost("somebody took the change back before it was released")
+        raise safe_mode.ProtectionLost("somebody undid the change before it was released")
     work.record(runs.ReleaseRecord(device=work.job.name))
 
 
@@ -455,7 +455,7 @@ async def _confirm(work: RunContext) -> None:
     work.dead_man = None
     work.note_marker_removed(farewell)
     if not in_time or not _are_changes_present(witness, answers):
-        raise safe_mode.ProtectionLost("the dead-man job has run before it could be taken away")
+        raise safe_mode.ProtectionLost("the dead-man job ran before it could be removed")
     if work.protection is _protection.Protection.DEAD_MAN:
         work.record(runs.ReleaseRecord(device=work.job.name))
 
@@ -551,11 +551,11 @@ def find_missing_requirements(
 
 def _missing_policies(facts: _types.Facts, required_policies: Sequence[str]) -> Iterator[str]:
     if not facts.policies:
-        yield "the device does not tell what our user may do: it must be a local user with policy `policy`"
+        yield "the device does not show the permissions of our user: it must be a local user with policy `policy`"
         return
     lacking = [policy for policy in required_policies if policy not in facts.policies]
     if lacking:
-        yield f"our user may not {', '.join(lacking)}: its group needs these policies"
+        yield f"our user lacks the permissions {', '.join(lacking)}: its group needs these policies"
 
 
 def _missing_certificates(plan: _types.Plan, observation: _types.Observation) -> Iterator[str]:

@@ -80,7 +80,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
         """Release with Ctrl+X, then read the changed menu, which shows if it was undone instead."""
         console = self._console
         if console is None or not console.safe:
-            raise safe_mode.ProtectionLost("safe mode could not be released: its SSH session is over")
+            raise safe_mode.ProtectionLost("safe mode could not be released: its SSH session has ended")
         try:
             await in_thread(console.release_safe_mode)
         except DeviceError as failed:
@@ -100,7 +100,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
                 lambda: self.opener(self.endpoint), undone=lambda new_console: new_console.close()
             )
         except types.ConsoleUnreachable:
-            return safe_mode.Holder(is_taken=True, who="an SSH session of which nothing can be learnt")
+            return safe_mode.Holder(is_taken=True, who="an SSH session that cannot be identified")
         try:
             await in_thread(console.take_safe_mode)
             await in_thread(console.release_safe_mode)

@@ -69,7 +69,7 @@ class Contact:
         """
         another = (api.CertificateMismatch, api.CertificateUnknown)
         final = another if insist else (*another, api.LoginError)
-        failure = DeviceError(f"{self._job.name} was given no time to answer")
+        failure = DeviceError(f"no time left to wait for {self._job.name}")
         for pause_s in self._pauses(patience_s):
             try:
                 return await self.open()
@@ -77,7 +77,7 @@ class Contact:
                 raise
             except DeviceError as failed:
                 failure = failed
-            self._say(f"{why}: waiting for an answer")
+            self._say(f"{why}: waiting for a response")
             await asyncio.sleep(pause_s)
         raise failure
 
@@ -97,7 +97,7 @@ class Contact:
         for pause_s in self._pauses(patience_s):
             if not jobs_of((await session.command(question)).rows):
                 return
-            self._say("a dead-man job is armed: waiting until it has taken everything back")
+            self._say("a dead-man job is armed: waiting until it has rolled everything back")
             await asyncio.sleep(pause_s)
 
     async def leave(self, session: Channel, *, wait: bool = True) -> None:
@@ -121,8 +121,8 @@ class Contact:
         self._endpoint = replace(self._endpoint, window=api.WINDOW)
         self._job.endpoint.on_window_shrink()
         self.notes.append(
-            f"the device fell silent with more than {api.WINDOW} questions at once: it was asked again,"
-            f" and is asked {api.WINDOW} at once from now on"
+            f"the device stopped responding to more than {api.WINDOW} requests at once: they were repeated, with at "
+            f"most {api.WINDOW} at once from now on"
         )
         self._say(self.notes[-1])
 

@@ -93,7 +93,7 @@ def _past(work: _work.RunContext) -> Past | None:
 def _as_declared_text(comparison: Comparison) -> str:
     beside = [item for item in comparison.differences if item.kind is DriftKind.FOREIGN]
     hidden_secrets = [difference for difference in comparison.differences if difference.kind is DriftKind.HIDDEN]
-    words = ["as declared"]
+    words = ["as in the inventory"]
     if beside:
         words.append(f"{len(beside)} foreign row{'' if len(beside) == 1 else 's'} left alone as before")
     if hidden_secrets:
@@ -111,8 +111,8 @@ _READING = (_job.JobMode.PLAN, _job.JobMode.DRIFT)
 """Modes that change nothing."""
 _LET_THEM = "let them finish, then run the same command again"
 _STAND_BY = (
-    "pin its SSH host key with `provision device adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
-    "--without-protection with somebody standing beside it"
+    "pin its SSH host key with `provision device adopt site=… device=…`, upgrade it to RouterOS 7.18, or "
+    "add --without-protection with somebody next to the device"
 )
 
 
@@ -178,9 +178,11 @@ async def _run_guarded(work: _work.RunContext, mode: _job.JobMode) -> _job.Devic
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return replace(await settle(work, UserInterrupt("stopped by hand")), is_stopped=True)
+        return replace(await settle(work, UserInterrupt("stopped by the user")), is_stopped=True)
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, the device must not stay between two states
-        result = await settle(work, errors.DeviceError(f"provision itself failed ({type(fault).__name__})"))
+        result = await settle(
+            work, errors.DeviceError(f"provision failed with an internal error ({type(fault).__name__})")
+        )
         exit_ = errors.ExitCode.UNKNOWN if result.status is _job.Status.UNKNOWN else errors.ExitCode.OUR_FAULT
         return replace(result, exit=exit_, fault=fault)
 
@@ -203,7 +205,7 @@ async def _report_only(work: _work.RunContext, mode: _job.JobMode) -> _job.Devic
     """Report what a run would do, or the drift, and any armed jobs or open changes."""
     await _plan(work, mode)
     work.busy = "; ".join(work.leftovers.words())
-    work.notes += [f"{words}: what was changed meanwhile may yet be taken back" for words in work.leftovers.words()]
+    work.notes += [f"{words}: changes made since then may still be rolled back" for words in work.leftovers.words()]
     if mode is _job.JobMode.DRIFT:
         _cost_policy(work, mode)
         return await drift(work)
@@ -227,7 +229,7 @@ async def _clear_and_change(work: _work.RunContext, mode: _job.JobMode) -> _job.
         return await _change(work)
     if removed_items:
         work.after = work.observation
-        return work.result(_job.Status.CHANGED, f"as declared; removed {' and '.join(removed_items)}")
+        return work.result(_job.Status.CHANGED, f"as in the inventory; removed {' and '.join(removed_items)}")
     return work.result(_job.Status.UNCHANGED, "no changes needed")
 
 
@@ -239,7 +241,7 @@ def _build_plan_result(work: _work.RunContext) -> _job.DeviceResult:
     if work.leftovers.safe_mode is not None:
         return work.result(_job.Status.LEFT_AS_FOUND, f"nothing to change, but {words}", hint=_LET_THEM)
     if words:
-        return work.result(_job.Status.PLANNED, f"nothing to change but what a run has left: {words}")
+        return work.result(_job.Status.PLANNED, f"nothing to change except what an earlier run has left: {words}")
     return work.result(_job.Status.UNCHANGED, "no changes needed")
 
 
@@ -440,7 +442,7 @@ def _judge(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | No
     reasons += work.examination.objections(current_plan.actions, work.job.desired_state.source)
     if work.protection is _protection.Protection.NONE and not all(action.inert for action in current_plan.actions):
         if work.job.allows_unprotected:
-            work.notes.append("nothing protects this change: what goes wrong has to be repaired by a person")
+            work.notes.append("nothing protects this change: if it fails, a person has to repair it")
         else:
             reasons.append(_describe_no_protection(work))
             hint = _STAND_BY
@@ -454,18 +456,14 @@ def _judge(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | No
         return work.result(
             _job.Status.REFUSED,
             "the device has changed since the plan was shown: nothing was changed",
-            hint="look at the new plan and agree to it",
+            hint="check the new plan and confirm it",
         )
     return None
 
 
 def _describe_no_protection(work: _work.RunContext) -> str:
-    local = (
-        " and touches the way by which the device is managed"
-        if guard.touches(work.aim, work.observation, _path(work))
-        else ""
-    )
-    return f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{local}"
+    local = " and touches the management path" if guard.touches(work.aim, work.observation, _path(work)) else ""
+    return f"nothing would roll this change back if it failed: {work.choice.why}; it moves traffic{local}"
 
 
 def _protect(work: _work.RunContext) -> None:
@@ -481,9 +479,7 @@ def _protect(work: _work.RunContext) -> None:
     work.choice = _protection.choose(current_plan, facts, job, invertible=why, seconds=seconds)
     work.stages = _work.split_plan(current_plan, work.protection)
     if work.protection.holds and not work.stages.pieces:
-        work.choice = _protection.ProtectionChoice(
-            _protection.Protection.NONE, why="nothing in it can do harm by itself"
-        )
+        work.choice = _protection.ProtectionChoice(_protection.Protection.NONE, why="nothing in it can do harm")
         work.stages = _work.split_plan(current_plan, _protection.Protection.NONE)
     if not work.holding:
         work.safe_mode = _protection.safe_mode_of(work.choice, job)
@@ -497,7 +493,7 @@ async def _refuse_if_busy(work: _work.RunContext, mode: _job.JobMode) -> _job.De
     resumes = mode is _job.JobMode.RESUME
     busy = await _busy(work, resumes=resumes)
     if busy is not None and not resumes and work.job.history.has_unfinished_run():
-        work.say(Stage.WAITING, f"{busy}: a run of this computer has died here, and this one goes on with it")
+        work.say(Stage.WAITING, f"{busy}: a run of this computer was interrupted here; this run continues it")
         await _wait_for_undo(work)
         await _read(work)
         busy = await _busy(work, resumes=True)
@@ -519,15 +515,17 @@ async def _busy(work: _work.RunContext, *, resumes: bool) -> Busy | None:
         owner = holder.who if holder.is_taken else None
     if owner is not None:
         return Busy(
-            f"{owner} holds safe mode, and there is only one",
-            hint="let them finish, then run the same command again; of a run that has died the device takes it back by"
-            f" itself, which this waits for:  {resume}",
+            f"{owner} holds safe mode, which only one session can hold",
+            hint=(
+                "let them finish, then run the same command again; the device undoes an interrupted run by itself, "
+                f"and this command waits for that:  {resume}"
+            ),
         )
     if other is not None:
         conflict = _state.claim_conflict(other, work.job.site)
         return Busy(str(conflict), hint=conflict.hint)
     if alive is not None and not resumes:
-        return Busy(alive, hint=f"let it run, then run the same command again; this waits for it:  {resume}")
+        return Busy(alive, hint=f"let it run, then run the same command again; this command waits for it:  {resume}")
     return None
 
 
@@ -571,8 +569,8 @@ async def _clear(work: _work.RunContext, mode: _job.JobMode) -> tuple[str, ...]:
     await _plan(work, mode)
     if _state.plan_hash(work.aim) != planned_before:
         raise _protection.InterferenceError(
-            f"the device has become another while {' and '.join(removed_items)} went",
-            hint="run the same command again: it plans from what is there now",
+            f"the device changed while {' and '.join(removed_items)} was being removed",
+            hint="run the same command again: it computes a new plan from the current state",
         )
     return removed_items
 
@@ -603,7 +601,7 @@ async def _backup(work: _work.RunContext) -> _job.DeviceResult:
     text = saved_export.text if saved_export.text is not None else await _state.fetch(work.session)
     work.job.journal.save(work.job.name, text)
     lines = text.count("\n")
-    return work.result(_job.Status.UNCHANGED, f"{lines} lines saved; secrets and users are not in them")
+    return work.result(_job.Status.UNCHANGED, f"{lines} lines saved, without secrets and users")
 
 
 def _action_count_text(work: _work.RunContext) -> str:

@@ -300,7 +300,7 @@ class CostPolicy(Protocol):
 def stopped_before_turn(name: str) -> DeviceResult:
     """Return the result for a device that an interrupted run had not started."""
     status = Status.LEFT_AS_FOUND
-    return DeviceResult(name, status, status.exit, "stopped by hand before its turn came: nothing was changed")
+    return DeviceResult(name, status, status.exit, "stopped by the user before its turn: nothing was changed")
 
 
 RADIO_MENUS = ("/interface/wireless", "/interface/wifi")

@@ -83,7 +83,7 @@ def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, 
     if facts.has_safe_mode:
         return ProtectionChoice(Protection.SAFE_MODE)
     if all(action.inert for action in plan.actions):
-        return ProtectionChoice(Protection.NONE, why="nothing in it can do harm by itself")
+        return ProtectionChoice(Protection.NONE, why="nothing in it can do harm")
     no_ssh = _ssh_missing_reason(job)
     no_job = forbidden(facts) or invertible
     wait_s = max(job.patience.dead_man_s, 3 * seconds)
@@ -98,9 +98,9 @@ def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, 
 
 def _ssh_missing_reason(job: DeviceJob) -> str | None:
     if job.ssh is None:
-        return "RouterOS before 7.18 has it on a console only, and no SSH is declared for this device"
+        return "RouterOS before 7.18 has safe mode on a console only, and the inventory has no SSH for this device"
     if job.ssh.pin is None:
-        return "RouterOS before 7.18 has it on a console only, and its SSH host key is not pinned"
+        return "RouterOS before 7.18 has safe mode on a console only, and the SSH host key is not pinned"
     return None
 
 

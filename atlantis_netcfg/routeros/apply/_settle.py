@@ -43,7 +43,9 @@ async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
     except NetcfgError as lost:
         return _unknown_result(work, f"{reason}; then: {lost}")
     except Exception as fault:  # noqa: BLE001 - a fault of ours in here must not hide that the device was changed
-        unknown = _unknown_result(work, f"{reason}; then provision itself failed ({type(fault).__name__})")
+        unknown = _unknown_result(
+            work, f"{reason}; then provision failed with an internal error ({type(fault).__name__})"
+        )
         return replace(unknown, fault=fault)
 
 
@@ -79,7 +81,7 @@ async def _disarm_unused(work: RunContext) -> bool:
         return True
     for session in (work.session, None):
         try:
-            work.session = session or await work.contact.reach(work.job.patience.reach_s, "after a loss")
+            work.session = session or await work.contact.reach(work.job.patience.reach_s, "after a lost connection")
             await _disarm_ours(work, work.dead_man.id)
         except api.SessionLost:
             continue
@@ -115,7 +117,7 @@ async def _disarm_dead_man(work: RunContext) -> bool:
         return True
     session, _, _ = (work.session, None, None) if work.session is not None else await _state(work)
     if session is None:
-        raise DeviceError("no session is left to take the dead-man job away")
+        raise DeviceError("no session is left to remove the dead-man job")
     in_time, _ = await scheduler_jobs.disarm(session, job.id)
     work.dead_man = None
     return in_time
@@ -136,7 +138,7 @@ async def _decide(work: RunContext, reason: NetcfgError) -> DeviceResult:
         return _finish_as_desired(work, reason)
     if isinstance(reason, _protection.InterferenceError) or _is_foreign(work, now):
         return _unknown_result(
-            work, f"{reason}; somebody else has changed {_list_menus(changed_menus)}, which was left alone"
+            work, f"{reason}; somebody else has changed {_list_menus(changed_menus)}, which was left unchanged"
         )
     if work.restores:
         return _unknown_result(work, f"{reason}; the device differs in {_list_menus(changed_menus)}")
@@ -166,7 +168,7 @@ async def _state(work: RunContext) -> tuple[Channel, Holder, Observation]:
     until = clock() + patience.reach_s + patience.undo_s
     while True:
         try:
-            session = work.session or await work.contact.reach(patience.reach_s, "after a loss")
+            session = work.session or await work.contact.reach(patience.reach_s, "after a lost connection")
             work.session = session
             holder = await work.contact.until_free(work.safe_mode, session, patience.undo_s)
             now = await observe(session, work.job.endpoint, work.job.desired_state.menus, tuple(work.observation.rows))
@@ -193,7 +195,7 @@ def _is_declared(work: RunContext, reason: NetcfgError, now: Observation) -> boo
 async def _is_reachable(work: RunContext) -> bool:
     """Verify in a new session that the device is reachable: access must not depend on the writing session."""
     try:
-        session = await work.contact.reach(work.job.patience.verify_s, "proving the way in", insist=False)
+        session = await work.contact.reach(work.job.patience.verify_s, "testing access in a new session", insist=False)
     except DeviceError:
         return False
     await work.contact.leave(session, wait=False)
@@ -205,30 +207,34 @@ def _finish_as_desired(work: RunContext, reason: NetcfgError) -> DeviceResult:
     work.note(
         runs.ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions))
     )
-    return work.result(Status.CHANGED, f"as declared: {_count(work)} read back, although: {reason}", hint=reason.hint)
+    return work.result(
+        Status.CHANGED, f"as in the inventory: {_count(work)} read back, although: {reason}", hint=reason.hint
+    )
 
 
-def _rolled_back_result(work: RunContext, reason: NetcfgError, how: str = "taken back") -> DeviceResult:
+def _rolled_back_result(work: RunContext, reason: NetcfgError, how: str = "rolled back") -> DeviceResult:
     work.note(runs.RollbackRecord(device=work.job.name, reason=work.clean(str(reason))))
     return work.result(Status.ROLLED_BACK, f"{how}, the device is as before: {reason}", hint=reason.hint)
 
 
 def _unknown_result(work: RunContext, message: str) -> DeviceResult:
-    return work.result(Status.UNKNOWN, f"the outcome is not known: {message}", hint=_resume_hint(work))
+    return work.result(Status.UNKNOWN, f"outcome unknown: {message}", hint=_resume_hint(work))
 
 
 def _resume_hint(work: RunContext) -> str:
     if work.dead_man is not None:
-        what = f"the dead-man job takes everything back within {work.dead_man.after_s / 60:.0f} minutes of its arming"
+        what = (
+            f"the dead-man job rolls everything back within {work.dead_man.after_s / 60:.0f} minutes after it was armed"
+        )
     else:
-        what = "what is in safe mode the device takes back by itself, within ten minutes if the link has died"
+        what = "the device undoes changes in safe mode by itself, within ten minutes if the link is lost"
     run = f" run={work.job.run}" if work.job.run else ""
     return f"{what}; then:  provision recover resume site={work.job.site}{run}"
 
 
 async def _restore_state(work: RunContext, reason: NetcfgError, session: Channel, now: Observation) -> DeviceResult:
     """Restore the state observed at the start, with the same protection as any other change."""
-    work.say(Stage.APPLYING, "putting the state before the run back")
+    work.say(Stage.APPLYING, "restoring the state before the run")
     job = replace(work.job, desired_state=restore_target(work.observation), journal=runs.NoJournal(), agreed_hash=None)
     inner = RunContext(job, work.contact, work.start_time, restores=True, session=session, before=now)
     inner.choice = work.choice if work.protection.holds else _protection.ProtectionChoice(_protection.Protection.NONE)
@@ -244,9 +250,9 @@ async def _restore_state(work: RunContext, reason: NetcfgError, session: Channel
     different_menus = differing_menus(work.observation, inner.after or now)
     if different_menus:
         return _unknown_result(
-            work, f"{reason}; the old state was put back, but {_list_menus(different_menus)} still differ"
+            work, f"{reason}; the old state was restored, but {_list_menus(different_menus)} still differ"
         )
-    return _rolled_back_result(work, reason, "put back by us")
+    return _rolled_back_result(work, reason, "restored by us")
 
 
 async def _await_dead_man(work: RunContext, reason: NetcfgError, failure_message: str) -> DeviceResult:
@@ -254,12 +260,12 @@ async def _await_dead_man(work: RunContext, reason: NetcfgError, failure_message
     job = work.dead_man
     if job is not None:
         left_s = max(0.0, job.over - asyncio.get_running_loop().time())
-        work.say(Stage.WAITING, "waiting until the dead-man job has taken everything back", left_s)
+        work.say(Stage.WAITING, "waiting until the dead-man job has rolled everything back", left_s)
         await asyncio.sleep(left_s)
         _, _, now = await _state(work)
         if not differing_menus(work.observation, now):
-            return _rolled_back_result(work, reason, "taken back by the dead-man job")
-    return _unknown_result(work, f"{reason}; putting the old state back failed: {failure_message}")
+            return _rolled_back_result(work, reason, "rolled back by the dead-man job")
+    return _unknown_result(work, f"{reason}; restoring the old state failed: {failure_message}")
 
 
 def _list_menus(menus: tuple[str, ...]) -> str:

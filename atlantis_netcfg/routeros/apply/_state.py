@@ -216,12 +216,16 @@ def claim_conflict(sign: RunMarker, site: str) -> ClaimConflict:
     """Return an error with the owner of the marker, its remaining time, and how to take it over."""
     stays = f"within {sign.timeout}" if sign.timeout else "within half an hour"
     over = (
-        f"; if that run has died, take over:  provision recover resume site={site} run={sign.run}" if sign.run else ""
+        f"; if that run was interrupted, take over:  provision recover resume site={site} run={sign.run}"
+        if sign.run
+        else ""
     )
     return ClaimConflict(
-        f"{sign.text} is under way on this device, or has died there",
-        hint=f"wait until it has ended, then type the same command again: the sign of a run that died goes by itself"
-        f" {stays}{over}",
+        f"{sign.text} is active on this device, or was interrupted there",
+        hint=(
+            "wait until it has ended, then run the same command again: the marker of an interrupted run disappears "
+            f"by itself {stays}{over}"
+        ),
     )
 
 
@@ -334,4 +338,4 @@ def _whole(text: str) -> str | None:
 
 
 def _export_error(words: str) -> DeviceError:
-    return DeviceError(f"the state before the change cannot be saved, so nothing is changed; the device says: {words}")
+    return DeviceError(f"cannot save the state before the change, so nothing is changed; the device says: {words}")

@@ -99,14 +99,14 @@ def _parts(action: _types.Action, budget: int) -> Iterator[_types.Action]:
 
 
 AGREE_APART = (
-    "`--plan --remove-foreign` shows all of them; to let them go, type the same with `--remove-foreign` (plain "
-    "Ansible: with `-e atlantis_remove_foreign=true`), for `--yes` does not say that"
+    "`--plan --remove-foreign` shows all of them; to remove them, run the same command with "
+    "`--remove-foreign` (plain Ansible: with `-e atlantis_remove_foreign=true`); `--yes` is not enough"
 )
 
 
 def find_missing_consent(job: _job.DeviceJob, plan: _types.Plan) -> str:
     """Return why the plan needs a separate consent that was not given; empty if it may continue."""
-    return "" if job.remove_foreign or not plan.foreign_words else f"nobody has agreed that it {plan.foreign_words}"
+    return "" if job.remove_foreign or not plan.foreign_words else f"nobody has confirmed that it {plan.foreign_words}"
 
 
 def number_of(plan: _types.Plan) -> str:
@@ -167,15 +167,15 @@ def _state(job: _job.DeviceJob, read: _types.Observation) -> str:
     try:
         return snapshot.write(job.name, job.desired_state, read)
     except Exception as fault:
-        why = f"provision itself failed ({type(fault).__name__})"
+        why = f"provision failed with an internal error ({type(fault).__name__})"
         raise runs.JournalError(f"the confirmed state cannot be written: {why}") from fault
 
 
 IsOver = Callable[[str], bool]
 
 _WORDS = {
-    scheduler_jobs.DEAD_MAN: "takes back what that run has changed",
-    scheduler_jobs.PAIR: "takes this end of the bridge back if the link is lost",
+    scheduler_jobs.DEAD_MAN: "rolls back what that run changed",
+    scheduler_jobs.PAIR: "rolls this end of the bridge back if the link is lost",
 }
 
 
@@ -207,10 +207,10 @@ class Leftovers:
 
     def _differences(self) -> Iterator[drift.Difference]:
         if self.safe_mode is not None:
-            words = f"{self.safe_mode} holds safe mode, and there is only one"
+            words = f"{self.safe_mode} holds safe mode, which only one session can hold"
             yield _open_difference("/safe-mode", "safe mode", drift.Owner.SESSION, words)
         for sign in self.markers:
-            words = f"{sign.text} is under way on this device, or has died there"
+            words = f"{sign.text} is active on this device, or was interrupted there"
             yield _open_difference("/ip firewall address-list", "atlantis-run", drift.Owner.RUN, words)
         for job in self.jobs:
             yield _open_difference("/system scheduler", job.name, drift.Owner.RUN, _describe_job(job))
@@ -237,7 +237,7 @@ class Leftovers:
             *_, reply = await session.flight([*map(withdrawing, removed_ids), CLAIMS])
             reply = reply if not reply.rows else await session.command(CLAIMS)
             if any(row.get(".id") in removed_ids for row in reply.rows):
-                raise DeviceError("the marker of a run that is over cannot be taken away")
+                raise DeviceError("the marker of a finished run cannot be removed")
         jobs = (f"the job {job.name} of {job.owner}" for job in self.jobs)
         return (*jobs, *(f"the marker of {sign.text}" for sign in self.markers))
 
@@ -255,7 +255,7 @@ def _describe_job(job: scheduler_jobs.ArmedJob) -> str:
 
 def _open_difference(menu: str, subject: str, owner: drift.Owner, words: str) -> drift.Difference:
     return drift.Difference(
-        menu, subject, drift.DriftKind.OPEN, owner, row=words, why_unknown="the device does not say"
+        menu, subject, drift.DriftKind.OPEN, owner, row=words, why_unknown="the device gives no reason"
     )
 
 

@@ -136,7 +136,7 @@ def _culprit(turn: Sequence[Action], reply: api.Reply, acknowledged_count: int, 
 
 
 def _refusal(action: Action | None, words: str) -> str:
-    text = words or "it stopped without a word"
+    text = words or "it stopped without a message"
     if action is None:
         return f"the device says: {text}"
     return f"the device refused to {action.verb.value} {action.subject} in {MENUS[action.menu].title}: {text}"

@@ -52,17 +52,20 @@ class PinnedKey(paramiko.MissingHostKeyPolicy):
         self.seen = fingerprint(key)
         if self._pin is None:
             raise types.UnknownHostKey(
-                f"{hostname}: its SSH host key is not known here, so it was told no password; it showed {self.seen}",
+                f"{hostname}: unknown SSH host key; no password was sent; the device presented {self.seen}",
                 fingerprint=self.seen,
                 hint=TRUST,
             )
         if self._pin != self.seen:
             raise types.HostKeyMismatch(
-                f"{hostname}: the SSH host key is not the one of this device; pinned is {self._pin}, "
-                f"it showed {self.seen}",
+                f"{hostname}: the SSH host key is not the one of this device; pinned {self._pin}, presented "
+                f"{self.seen}",
                 pinned_key=self._pin,
                 actual_key=self.seen,
-                hint="another device at this address, a reset device, or somebody in between: nothing was sent to it",
+                hint=(
+                    "another device has this address, the device was reset, or somebody intercepts the connection: "
+                    "nothing was sent"
+                ),
             )
 
 
@@ -121,7 +124,7 @@ class TcpSocket(socket.socket):
         data = super().recv(size, flags)
         self.received_bytes += len(data)
         if self.received_bytes > _MOST:
-            raise OSError(errno.EMSGSIZE, f"more than {_MOST} bytes came")
+            raise OSError(errno.EMSGSIZE, f"more than {_MOST} bytes received")
         if data and self.tally is not None:
             self.tally.receive(len(data))
         return data
@@ -182,8 +185,8 @@ def translate_errors(address: str, port: int) -> Iterator[None]:
         ) from error
     except (NetmikoTimeoutException, OSError, EOFError, paramiko.SSHException) as error:
         raise types.ConsoleUnreachable(
-            f"{where}: no SSH session came about ({type(error).__name__})",
-            hint="is the laptop plugged into the right port, and has it an address of that network?",
+            f"{where}: cannot open an SSH session ({type(error).__name__})",
+            hint="check that the laptop is plugged into the right port and has an address of that network",
         ) from error
 
 
@@ -293,14 +296,14 @@ class Commands:
                 self._client.close()
             raise self._broken(type(lost).__name__) from lost
         if end.code < 0 and not self._is_open:
-            raise self._broken("cut by the device, or by us after too long")
+            raise self._broken("closed by the device, or by us after a timeout")
         return end
 
     def _broken(self, why: str) -> types.ConsoleLost:
         return types.ConsoleLost(
-            f"{self._name}: the SSH session broke off ({why})",
+            f"{self._name}: the SSH session was lost ({why})",
             in_flight=True,
-            hint="run the same command again: it begins by reading what the device has",
+            hint="run the same command again: it first reads the state of the device",
         )
 
 
@@ -388,9 +391,12 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
             sftp.putfo(file, name, size, progress, confirm=True)
     except (OSError, EOFError, paramiko.SSHException) as error:
         raise types.ConsoleLost(
-            f"{address} port {port}: {name} was not copied whole ({type(error).__name__})",
+            f"{address} port {port}: {name} was not copied completely ({type(error).__name__})",
             in_flight=True,
-            hint="is there room on the device? Run the same command again: the copy starts anew",
+            hint=(
+                "check for free space on the device, then run the same command again: the copy starts from the "
+                "beginning"
+            ),
         ) from error
     finally:
         client.close()

@@ -234,7 +234,7 @@ class Terminal:
         is_done = mark in lines
         output = self._output(lines, mark if is_done else None)
         if not is_done:
-            words = _mask_secrets(" ".join(output.split()), secrets) or "no answer"
+            words = _mask_secrets(" ".join(output.split()), secrets) or "no response"
             raise types.ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
         return output
 
@@ -301,8 +301,8 @@ class Terminal:
             self._answer(b"d")
             self._sync(_TAKEN_S, in_flight=False)
             raise types.SafeModeHeld(
-                f"{self._name}: somebody else holds safe mode on this device; it was left alone",
-                hint="wait until that session is over, then run the same command again",
+                f"{self._name}: somebody else holds safe mode on this device; nothing was changed",
+                hint="wait until that session has ended, then run the same command again",
             )
 
     def release_safe_mode(self) -> None:
@@ -353,7 +353,7 @@ class Terminal:
 
     def _send(self, data: bytes, *, in_flight: bool) -> None:
         if self._lost:
-            raise self._loss_error("the session is over", in_flight=False)
+            raise self._loss_error("the session has ended", in_flight=False)
         try:
             self._wire.write(data)
         except types.WireLost as error:
@@ -366,7 +366,7 @@ class Terminal:
             raise self._loss_error("the connection was lost", in_flight=in_flight) from error
         self._screen.feed(data)
         if self._screen.size > MOST:
-            raise self._loss_error(f"it has sent more than {MOST} characters without an end", in_flight=in_flight)
+            raise self._loss_error(f"received more than {MOST} characters without an end", in_flight=in_flight)
         if self._screen.replies:
             replies, self._screen.replies = self._screen.replies, b""
             self._send(replies, in_flight=in_flight)
@@ -377,7 +377,7 @@ class Terminal:
         while not condition():
             remaining_s = deadline - time.monotonic()
             if remaining_s <= 0:
-                raise self._loss_error(f"no answer within {timeout_s:.0f} s", in_flight=in_flight)
+                raise self._loss_error(f"no response within {timeout_s:.0f} s", in_flight=in_flight)
             self._receive(remaining_s, in_flight=in_flight)
 
     def _loss_error(self, why: str, *, in_flight: bool) -> types.ConsoleLost:
@@ -386,7 +386,7 @@ class Terminal:
         return types.ConsoleLost(
             f"{self._name}: {why}",
             in_flight=in_flight,
-            hint="whether the last command was done is not known" if in_flight else None,
+            hint="unknown whether the last command was executed" if in_flight else None,
         )
 
 
@@ -453,7 +453,10 @@ def open_serial(
     except (serial.SerialException, OSError, ValueError) as error:
         raise types.ConsoleUnreachable(
             f"{device_path}: the serial line cannot be opened: {error.__class__.__name__}",
-            hint="is the adapter plugged in, may you use it (group dialout), and does nobody else (minicom, screen)?",
+            hint=(
+                "check that the adapter is plugged in, that you may use it (group dialout), and that no other "
+                "program (minicom, screen) does"
+            ),
         ) from error
     wire = SerialWire(port)
     try:
@@ -534,14 +537,14 @@ class _Login:
     def _read(self, timeout_s: float = _NUDGE_S) -> bytes:
         if time.monotonic() > self._deadline:
             raise types.ConsoleUnreachable(
-                f"{self._name}: nothing that looks like a RouterOS console answers on this line",
-                hint="is the cable in the console port, the device switched on, and the speed right (115200)?",
+                f"{self._name}: no RouterOS console responds on this line",
+                hint="check that the cable is in the console port, the device is on and the speed is right (115200)",
             )
         data = self._wire.read(timeout_s)
         self.screen.feed(data)
         if self.screen.size > MOST:
             raise types.ConsoleUnreachable(
-                f"{self._name}: what is on this line sends without an end: no RouterOS console"
+                f"{self._name}: the device on this line sends without an end: not a RouterOS console"
             )
         return data
 

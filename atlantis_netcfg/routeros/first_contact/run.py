@@ -118,31 +118,31 @@ def _box(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]:
     model, board = (target.model or "").lower(), facts.board.lower()
     if model and board and model not in board and board not in model:
         yield Objection(
-            f"{target.name} is declared as {target.model}, but this is a {facts.board} ({facts.architecture})",
-            "plug into the right box, or correct `model` in its host_vars file",
+            f"{target.name} is a {target.model} in the inventory, but this is a {facts.board} ({facts.architecture})",
+            "connect to the right device, or correct `model` in its host_vars file",
         )
     ports = {row.get("default-name") or row.get("name", "") for row in facts.ethernets}
     missing = [port for port in target.ports if port not in ports]
     if missing:
         yield Objection(
-            f"{target.name} is declared with ports that this {facts.board or 'box'} does not have: "
+            f"{target.name} has ports in the inventory that this {facts.board or 'box'} does not have: "
             f"{', '.join(missing)}",
-            f"it has {', '.join(sorted(ports))}; correct `ports` in its host_vars file, or take the right box",
+            f"it has {', '.join(sorted(ports))}; correct `ports` in its host_vars file, or use the right device",
         )
 
 
 def _software(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]:
     if facts.version < OLDEST:
         yield Objection(
-            f"RouterOS {facts.version} is too old: {OLDEST} is the oldest that can be adopted",
-            f"upgrade it in Winbox (System > Packages) with the {facts.architecture} files of a newer version first",
+            f"RouterOS {facts.version} is too old: adoption needs {OLDEST} or later",
+            f"first upgrade it in Winbox (System > Packages) with the {facts.architecture} files of a newer version",
         )
     if target.radio and facts.version >= _SPLIT and not set(_RADIO_PACKAGES) & set(facts.packages):
         yield Objection(
-            f"RouterOS {facts.version} on this {facts.board} has no package for its radio: since 7.13 `wireless` "
-            "is a package of its own",
-            f"put wireless-{facts.version}-{facts.architecture}.npk (or wifi-qcom, as its radio needs) on it in Winbox "
-            "(Files), reboot it, then run this command again",
+            f"RouterOS {facts.version} on this {facts.board} has no package for its radio: since 7.13 `wireless` is "
+            "a separate package",
+            f"upload wireless-{facts.version}-{facts.architecture}.npk (or wifi-qcom, depending on its radio) in "
+            "Winbox (Files), reboot the device, then run this command again",
         )
 
 
@@ -155,7 +155,7 @@ def _device_mode(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]
     if mode.get("flagged") in ("true", "yes"):
         yield Objection(
             "device-mode has flagged this router: it suspects that somebody has tampered with its configuration",
-            f"look through its configuration; then {_device_mode_hint('flagged=no')}",
+            f"review its configuration; then {_device_mode_hint('flagged=no')}",
         )
     if forbidden:
         menus = ", ".join(f"{name} (for {target.features[name]})" for name in forbidden)
@@ -167,10 +167,10 @@ def _device_mode(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]
 
 def _device_mode_hint(change: str) -> str:
     return (
-        f"type on its console:  /system device-mode update {change} activation-timeout={ACTIVATION_MINUTES}m\n"
-        f"within {ACTIVATION_MINUTES} minutes press its reset or mode button once, shortly, or pull its power plug "
-        "and put it back\n"
-        "the router restarts with the new mode; then run this command again"
+        f"type on its console:  /system device-mode update {change} "
+        f"activation-timeout={ACTIVATION_MINUTES}m\nwithin {ACTIVATION_MINUTES} minutes press its reset or mode "
+        "button once, briefly, or unplug its power and plug it in again\nthe router restarts with the new mode; "
+        "then run this command again"
     )
 
 
@@ -182,34 +182,36 @@ def repeatable(target: AdoptionTarget) -> Iterator[None]:
     except types.ConsoleLost as lost:
         raise CutOff(
             f"{target.name}: {lost}",
-            hint="run the same command again: first contact goes on where it was cut",
+            hint="run the same command again: first contact continues where it stopped",
         ) from lost
     except types.HostKeyMismatch as changed:
         raise types.HostKeyMismatch(
-            f"{target.name}: the SSH host key is not the one that was pinned at first contact; "
-            f"pinned is {changed.pinned_key}, it showed {changed.actual_key}",
+            f"{target.name}: the SSH host key is not the one pinned at first contact; pinned {changed.pinned_key}, "
+            f"presented {changed.actual_key}",
             pinned_key=changed.pinned_key,
             actual_key=changed.actual_key,
-            hint="another device, or somebody in between: no password was sent to it\n"
-            "if it is another box than before, or was reset on purpose: the same command with --replaced",
+            hint=(
+                "this is another device, or somebody intercepts the connection: no password was sent\nif the "
+                "device was replaced, or reset on purpose: run the same command with --replaced"
+            ),
         ) from changed
     except types.SafeModeHeld as unavailable:
         raise errors.DeviceError(
             f"{target.name}: somebody else holds safe mode on the device",
-            hint="a session that was cut lets go after about 9 minutes; then run the same command again",
+            hint="a lost session releases it after about 9 minutes; then run the same command again",
         ) from unavailable
 
 
 def cut_off(target: AdoptionTarget, step: AdoptionStep, error: types.ConsoleLost) -> CutOff:
     """Return the error for a connection lost in this step."""
-    hint = "run the same command again: first contact goes on where it was cut"
+    hint = "run the same command again: first contact continues where it stopped"
     if step.key == "management":
         hint = (
-            f"is the laptop plugged into {target.port}? That port leaves the factory's network now: plug into "
-            "another one (not the first, which is for the internet), wait up to 9 minutes until the router has "
-            "taken the change back, then run the same command again"
+            f"if the laptop is plugged into {target.port}, use another port (not the first, which is for the "
+            "internet): this one is leaving the factory network. Wait up to 9 minutes until the router has undone "
+            "the change, then run the same command again"
         )
-    return CutOff(f"{target.name}: the connection was lost at: {step.title} ({error})", hint=hint)
+    return CutOff(f"{target.name}: connection lost at: {step.title} ({error})", hint=hint)
 
 
 def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
@@ -217,20 +219,24 @@ def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
     foreign_items = foreign(facts, target)
     rest = f", and {len(foreign_items) - 5} more" if len(foreign_items) > 5 else ""  # noqa: PLR2004 - what a person takes in
     return NotFactoryFresh(
-        f"this device ({facts.board}) is not factory-fresh, so it was not touched; "
-        f"somebody has configured: {', '.join(foreign_items[:5])}{rest}",
-        hint="if it is really to become "
-        f"{target.name}: the same command with --take-over saves its export first, then goes on",
+        f"this device ({facts.board}) is not in its factory state, so it was not changed; it already has: "
+        f"{', '.join(foreign_items[:5])}{rest}",
+        hint=(
+            f"if it is to become {target.name}: the same command with --take-over saves its configuration first, "
+            "then continues"
+        ),
     )
 
 
 def still_to_move(target: AdoptionTarget, error: errors.NetcfgError) -> StillToMove:
     """Return the error that tells where to plug in the laptop."""
     return StillToMove(
-        f"nobody answered at {target.host} ({error}); the default configuration is still on the router, "
-        f"which can be reached both ways",
-        hint=f"plug the laptop into {target.port}, give it the address {target.laptop}, "
-        "then run the same command again: it goes on from here",
+        f"no response from {target.host} ({error}); the router still has its default configuration and can be "
+        "reached at both addresses",
+        hint=(
+            f"plug the laptop into {target.port}, give it the address {target.laptop}, then run the same command "
+            "again: it continues from here"
+        ),
     )
 
 
@@ -286,10 +292,9 @@ def safe(console: types.Console) -> Iterator[None]:
 
 _PAUSE_S = 0.5
 _STICKER = (
-    f"the password of {FACTORY_USER} is on the device's sticker, and empty on older devices; "
-    "type it when asked, or name a file with it: password-file=FILE\n"
-    "if nobody knows it: hold the reset button while the power comes on, until the light blinks, "
-    "then let go"
+    f"the password of {FACTORY_USER} is on the device's sticker, or empty on older devices; type it when "
+    "asked, or pass a file with it: password-file=FILE\nif the password is unknown: hold the reset button "
+    "while switching the power on until the light blinks, then release it"
 )
 
 
@@ -338,7 +343,7 @@ class FirstContact:
             if device_state is DeviceState.ADOPTED:
                 return self._already_adopted(console, facts)
             if not route.serial and not self._has_known_key:
-                self._tell(events.Stage.OBSERVED, f"it shows the SSH host key {self.routes.host_key}")
+                self._tell(events.Stage.OBSERVED, f"its SSH host key is {self.routes.host_key}")
             plan = AdoptionOutcome(AdoptionStatus.PLANNED, device_state, self._titles(facts), facts=facts)
             agree(plan)
             state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
@@ -438,15 +443,18 @@ class FirstContact:
                 return route.open(FACTORY_USER, password)
         if not is_trusted:
             raise types.ConsoleLoginError(
-                f"{route.label}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
+                f"{route.label}: the device does not accept {FACTORY_USER}; its SSH host key is unknown here, so the "
                 f"password of {self.target.user} was not tried",
-                hint=f"if it was adopted on another computer: {errors.TRUST}, then type the same again\n{_STICKER}",
+                hint=(
+                    f"if it was adopted on another computer: {errors.TRUST}, then run the same command "
+                    f"again\n{_STICKER}"
+                ),
             )
         try:
             return route.open(self.target.user, self.target.password)
         except types.ConsoleLoginError as failed:
             raise types.ConsoleLoginError(
-                f"{route.label}: the device let in neither {FACTORY_USER} nor {self.target.user}",
+                f"{route.label}: the device accepts neither {FACTORY_USER} nor {self.target.user}",
                 hint=_STICKER,
             ) from failed
 
@@ -495,7 +503,7 @@ class FirstContact:
         pin = fingerprint(console, CERTIFICATE)
         if not pin:
             raise AdoptionIncomplete(
-                f"{self.target.name}: the device has not signed its certificate",
+                f"{self.target.name}: the device did not sign its certificate",
                 hint="run the same command again",
             )
         if self.pins.get(self.target.name) != pin:
@@ -520,8 +528,8 @@ class FirstContact:
         self._try_route(route, pin, notes)
         self._tell(
             events.Stage.WAITING,
-            f"now plug the laptop into {self.target.port}, with address {self.target.laptop}: "
-            f"{self.target.host} is where the router is from now on",
+            f"now plug the laptop into {self.target.port}, with address {self.target.laptop}: the router is at "
+            f"{self.target.host} from now on",
             self.wait_s,
         )
         deadline = time.monotonic() + self.wait_s
@@ -539,7 +547,7 @@ class FirstContact:
         try:
             route.prove(pin)
         except errors.NetcfgError as error:
-            notes.append(f"api-ssl could not be tried at {route.label}: {error}")
+            notes.append(f"api-ssl could not be tested at {route.label}: {error}")
 
     def _from_afar(self, pin: str, notes: list[str]) -> None:
         """After a serial line, check whether the device is reachable over the network."""
@@ -549,18 +557,18 @@ class FirstContact:
             final.meet()
         except errors.NetcfgError:
             notes.append(
-                f"not verified, because the laptop is on the serial line: that {self.target.host} answers on "
-                f"{self.target.port}; plug into {self.target.port} with address {self.target.laptop}, and "
-                "`provision site=…` verifies it"
+                f"not verified, because the laptop is on the serial line: that {self.target.host} responds on "
+                f"{self.target.port}; plug into {self.target.port} with address {self.target.laptop}, and `provision "
+                "site=…` verifies it"
             )
         self._record_host_key()
 
     def _check_adoption(self, facts: BoxFacts) -> BoxFacts:
         if recognise(facts, self.target, self.now()) is not DeviceState.ADOPTED:
-            remaining_steps = ", ".join(self._titles(facts)) or "nothing that is known"
+            remaining_steps = ", ".join(self._titles(facts)) or "no known step"
             raise AdoptionIncomplete(
-                f"{self.target.name}: every command was accepted, yet something is still to be done: {remaining_steps}",
-                hint="run the same command again; if it says the same, look at the device with Winbox",
+                f"{self.target.name}: every command was accepted, but something is still to be done: {remaining_steps}",
+                hint="run the same command again; if the result is the same, check the device with Winbox",
             )
         return facts
 

@@ -242,7 +242,7 @@ def _user(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     if account.get("group") == "full" and account.get("disabled") not in _TRUE:
         return None
     line = ConsoleLine(f"/user set {rsc.quote(target.user)} group=full disabled=no {password}", (target.password,))
-    return AdoptionStep("user", f"let user {target.user} in (group full)", (line,))
+    return AdoptionStep("user", f"enable user {target.user} (group full)", (line,))
 
 
 def _certificate(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
@@ -255,7 +255,7 @@ def _certificate(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None
             f"/certificate add name={CERTIFICATE} common-name={rsc.quote(target.name)} subject-alt-name={names} "
             f"key-size={_KEY_SIZE} days-valid={_DAYS_VALID} key-usage={_USAGE}"
         )
-        return AdoptionStep("certificate", f"make certificate {CERTIFICATE} on the device", (add, sign))
+        return AdoptionStep("certificate", f"create certificate {CERTIFICATE} on the device", (add, sign))
     if not match.get("fingerprint"):
         return AdoptionStep("certificate", f"sign certificate {CERTIFICATE} on the device", (sign,))
     return None
@@ -375,7 +375,7 @@ def look(console: types.Console) -> BoxFacts:
     try:
         version = Version.parse(resource.get("version", ""))
     except ValueError as error:
-        raise DeviceError("the console does not answer like RouterOS: no version was read") from error
+        raise DeviceError("the console does not respond like RouterOS: no version was read") from error
     option = " hide-sensitive" if version < Version(7, 0) else ""
     text = console.run(f"/export{option}")
     try:
@@ -501,7 +501,7 @@ class DeviceState(StrEnum):
     """Ownership of the device."""
 
     FACTORY = "factory-fresh"
-    HALF = "half adopted by an earlier run"
+    HALF = "partly adopted by an earlier run"
     ADOPTED = "adopted"
     SOMEONES = "configured by somebody"
 

@@ -67,7 +67,7 @@ def objections(plan: _types.Plan, observation: _types.Observation, path: Managem
 
 def _with_current_names(reason: str, observation: _types.Observation, renamed_state: State) -> str:
     lines = [
-        f"{now['name']} is the port that is called {row['name']} today"
+        f"{now['name']} is the port that is now called {row['name']}"
         for menu in INTERFACES
         for row, now in zip(observation.rows.get(menu, ()), renamed_state.all(menu), strict=True)
         if row.get("name") != now.get("name") and re.search(rf"(?<![\w-]){re.escape(now['name'])}(?![\w-])", reason)

@@ -44,16 +44,16 @@ def _service_harm(before: State, after: State) -> Iterator[str]:
             f"in the inventory and change it on the router by hand"
         )
     if _is_technician_admitted(old, before) and not _is_technician_admitted(new, after):
-        yield f"{text} would admit only {new.get('address')}, not you at {path.technician}: add your address"
+        yield f"{text} would allow only {new.get('address')}, not you at {path.technician}: add your address"
     if _form("certificate", old) != _form("certificate", new):
         yield (
             f"{text} would change its certificate from {old.get('certificate', 'none')} to "
-            f"{new.get('certificate', 'none')}, and we would not know the router again: leave it"
+            f"{new.get('certificate', 'none')}, and this computer would no longer recognise the router: keep it"
         )
     if _form("vrf", old) != _form("vrf", new):
         yield f"{text} would listen in {new.get('vrf')} only: leave vrf={old.get('vrf', 'main')}"
     if int(new.get("max-sessions", "20")) < _ENOUGH_SESSIONS <= int(old.get("max-sessions", "20")):
-        yield f"{text} would take one session only, and a change is verified by a second: raise max-sessions"
+        yield f"{text} would allow only one session, but a change is verified in a second: raise max-sessions"
 
 
 def _form(name: str, row: _types.Row) -> str:

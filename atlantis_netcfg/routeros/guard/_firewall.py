@@ -221,31 +221,31 @@ _CHECKS = (
         "input",
         new_session,
         lambda rule: rule.get("action") in _DROPS,
-        "drop a new session of yours",
-        "put a rule above it that accepts your address and port",
+        "drop your new sessions",
+        "add a rule above it that accepts your address and port",
     ),
     _PacketCheck(
         FILTER,
         "output",
         answer_of,
         lambda rule: rule.get("action") in _DROPS,
-        "drop the router's answers to you",
-        "put a rule above it that accepts them",
+        "drop the router's responses to you",
+        "add a rule above it that accepts them",
     ),
     _PacketCheck(
         NAT,
         "dstnat",
         new_session,
         lambda rule: rule.get("action") in _TURNS,
-        "send a new session of yours elsewhere",
-        "let it match other addresses or ports only",
+        "send your new sessions elsewhere",
+        "restrict it to other addresses or ports",
     ),
     _PacketCheck(
         MANGLE,
         "output",
         answer_of,
         lambda rule: rule.get("action") == "mark-routing",
-        "route the router's answers to you by another table",
+        "route the router's responses to you by another table",
         "exclude your address from it",
     ),
 )
@@ -280,7 +280,7 @@ def _key(check: _PacketCheck, harm: _Harm) -> tuple[object, ...]:
 def _harm_text(check: _PacketCheck, harm: _Harm) -> str:
     menu = MENUS[check.menu]
     may = "would" if harm.certain else "may"
-    doubt = "" if harm.certain else " (it has conditions that cannot be judged from here)"
+    doubt = "" if harm.certain else " (it has conditions that cannot be evaluated here)"
     return f"{menu.title}: the rule `{menu.name_of(harm.rule)}` {may} {check.words}{doubt}: {check.cure}"
 
 

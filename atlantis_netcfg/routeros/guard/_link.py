@@ -73,9 +73,9 @@ def _ports(before: _state.State, after: _state.State, name: str) -> Iterator[str
     now = next((each for each in after.all(menu) if each.get(".id") == row.get(".id")), None)
     title = MENUS[menu].title
     if now is None:
-        yield f"{title}: {name}, by which you come, would be removed: declare it, too"
+        yield f"{title}: {name}, which your session uses, would be removed: add it to the inventory"
     elif _state.is_set(now, "disabled") and not _state.is_set(row, "disabled"):
-        yield f"{title}: {name}, by which you come, would be disabled: leave it enabled"
+        yield f"{title}: {name}, which your session uses, would be disabled: leave it enabled"
     elif (bridge := after.bridge_of(now.get("name", name))) and before.bridge_of(name) != bridge:
         yield from _check_bridge_join(before, after, name, bridge)
     else:

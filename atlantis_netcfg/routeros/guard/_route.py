@@ -52,8 +52,8 @@ def objections(before: _state.State, after: _state.State) -> Iterator[str]:
         ]
         rule, selectors = (changed_doubts or now.doubts)[0]
         yield (
-            f"nobody here can tell whether the routing rule `{rule}` with {selectors} takes the answers to you at "
-            f"{before.path.technician}: leave such rules as they are, or change them by hand"
+            f"cannot tell whether routing rule `{rule}` with {selectors} applies to responses to you at "
+            f"{before.path.technician}: leave such rules unchanged, or change them by hand"
         )
         return
     for old, new in zip(then.ways, now.ways, strict=True):
@@ -67,10 +67,13 @@ def _objection(old: RouteDecision, new: RouteDecision, technician: str) -> str |
     if not old.has_route or old.to == new.to or (old.is_connected and new.is_connected and old.to < new.to):
         return None
     if not new.has_route:
-        return f"answers to you at {technician} go by {old.words}; then {new.words}: keep that route or address"
+        return (
+            f"responses to you at {technician} take {old.words}; after this change {new.words}: keep that route "
+            "or address"
+        )
     return (
-        f"answers to you at {technician} go by {old.words}, and would go by {new.words}: "
-        f"keep the old way until you come by the new one"
+        f"responses to you at {technician} take {old.words}, and would take {new.words}: keep the old path until "
+        "you connect over the new one"
     )
 
 
@@ -107,7 +110,7 @@ def decisions(state: _state.State) -> _Decisions:
         if not selectors:
             return _Decisions(tuple(ways), tuple(doubts))
         doubts.append((MENUS["/routing/rule"].name_of(rule or {}), selectors))
-    return _Decisions((*ways, RouteDecision("nothing leads there")), tuple(doubts))
+    return _Decisions((*ways, RouteDecision("no route leads there")), tuple(doubts))
 
 
 def _beyond_judgement(rule: Row) -> str:
@@ -141,7 +144,7 @@ def _by_rule(rule: Row, state: _state.State) -> RouteDecision | None:
     action = rule.get("action", "lookup")
     name = MENUS["/routing/rule"].name_of(rule)
     if action in ("drop", "unreachable"):
-        return RouteDecision(f"the routing rule `{name}` keeps them back")
+        return RouteDecision(f"the routing rule `{name}` blocks them")
     limit = rule.get("min-prefix", "")
     way = _lookup(state, rule.get("table", "main"), state.technician, int(limit) if limit.isdecimal() else _NO_LIMIT)
     if way is None and action == "lookup-only-in-table":

@@ -145,6 +145,6 @@ def _message(address: str) -> IPv4Address:
         return IPv4Address(address)
     except ValueError:
         raise DeviceError(
-            "the device does not show between which addresses our own session runs, so nothing can be planned",
-            hint="`/user active print` on its own console has to show it",
+            "the device does not show the addresses of our own session, so no plan can be made",
+            hint="check `/user active print` on its own console: it must show the session",
         ) from None

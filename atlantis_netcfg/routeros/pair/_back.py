@@ -80,7 +80,7 @@ class _WayBack:
     async def _follow(self, near: End) -> bool:
         """Release the near end, too, in a new session, if still possible, as the far end is kept."""
         try:
-            session = await near.contact.reach(self.work.pair.reserve_s, "keeping it")
+            session = await near.contact.reach(self.work.pair.reserve_s, "keeping the change")
             if near.owner:
                 await self.work.release(near, session)
             return await self._is_declared(near, session)
@@ -102,7 +102,7 @@ class _WayBack:
             return self._untouched_result(far)
         clock = asyncio.get_running_loop().time
         patience_s = max(0.0, work.fires - clock()) + far.job.patience.reach_s
-        far.say(Stage.WAITING, f"it returns by itself within {max(0.0, work.fires - clock()):.0f} s", patience_s)
+        far.say(Stage.WAITING, f"it rolls back by itself within {max(0.0, work.fires - clock()):.0f} s", patience_s)
         outcome = await self._wait_until_settled(far, patience_s, returning=True)
         if outcome is None:
             return self._unknown_result(far)
@@ -115,7 +115,7 @@ class _WayBack:
     async def _forward(self) -> tuple[apply.DeviceResult, apply.DeviceResult]:
         """Make sure that the far end keeps its change, as the near end's change is permanent."""
         near, far = self.work.near, self.work.far
-        words = f"as declared: {len(near.actions)} actions read back, although: {self.reason}"
+        words = f"as in the inventory: {len(near.actions)} actions read back, although: {self.reason}"
         outcome = await self._wait_until_settled(far, self.work.pair.link_timeout_s + far.job.patience.reach_s)
         if outcome is not None and await self._is_declared(far, outcome[0]):
             if not await self._defuse_far(outcome[0]):
@@ -190,7 +190,7 @@ class _WayBack:
 
     async def _put_back(self, end: End) -> bool:
         """Restore the state observed before, like any other change; return True on success."""
-        end.say(Stage.APPLYING, "putting the state before the run back")
+        end.say(Stage.APPLYING, "restoring the state before the run")
         job = replace(end.job, desired_state=restore_target(end.observation), journal=NoJournal(), agreed_hash=None)
         await apply.converge(job, mode=apply.JobMode.RESUME)
         outcome = await self._wait_until_settled(end, end.job.patience.reach_s)
@@ -209,7 +209,7 @@ class _WayBack:
                     return False
                 await asyncio.sleep(far.job.patience.first_poll_s)
             with suppress(DeviceError):
-                session = await far.contact.reach(max(0.0, until - clock()), "taking its job away")
+                session = await far.contact.reach(max(0.0, until - clock()), "removing its job")
 
     async def _no_job(self) -> None:
         """Remove the far end's job; on failure, it removes itself after its check."""
@@ -217,10 +217,10 @@ class _WayBack:
         if not far.arms:
             return
         try:
-            session = await far.contact.reach(_QUICK_S, "taking its job away")
+            session = await far.contact.reach(_QUICK_S, "removing its job")
             await self.work.defuse(session)
         except DeviceError:
-            far.notes.append(f"the job {scheduler_jobs.PAIR} of its scheduler is still there, and goes when it has run")
+            far.notes.append(f"its scheduler job {scheduler_jobs.PAIR} is still there, and disappears after it has run")
 
     def _untouched_result(self, end: End) -> apply.DeviceResult:
         if not end.actions:
@@ -233,9 +233,11 @@ class _WayBack:
         site = self.work.near.job.site  # the one that was asked for; from there both ends are reached
         return end.result(
             apply.Status.UNKNOWN,
-            f"the outcome is not known: {self.reason}",
-            hint="each end takes back by itself what was not kept, within ten minutes if its link has died; then:"
-            f"  `provision recover resume site={site}`",
+            f"the outcome is unknown: {self.reason}",
+            hint=(
+                "each end rolls back by itself what was not kept, within ten minutes if its link is lost; then:  "
+                f"`provision recover resume site={site}`"
+            ),
         )
 
 
@@ -262,7 +264,9 @@ async def clear(work: Transaction, mode: apply.JobMode) -> BackResults | None:
         for end in work.ends:
             current = await ApiSafeMode().look(end.channel)
             if current.is_taken:
-                return _build_stop_results(work, f"{end.name}: {current.who} holds safe mode, and there is only one")
+                return _build_stop_results(
+                    work, f"{end.name}: {current.who} holds safe mode, which only one session can hold"
+                )
         for end in work.ends:
             if end.leftovers:
                 end.removed_items = await end.leftovers.remove(end.channel)
@@ -276,7 +280,7 @@ async def wait_for_return(work: Transaction) -> None:
     """After a killed run, wait until both ends have rolled back on their own."""
     for end in work.ends:
         try:
-            session = await end.contact.reach(DEAD_SESSION_S + work.pair.link_timeout_s, "returning by itself")
+            session = await end.contact.reach(DEAD_SESSION_S + work.pair.link_timeout_s, "rolling back by itself")
             await end.contact.until_free(ApiSafeMode(), session, end.job.patience.undo_s)
             await end.contact.leave(session)
         except DeviceError:
@@ -293,9 +297,9 @@ def _in_use(work: Transaction, mode: apply.JobMode) -> str:
     for end in work.ends:
         other = end.signer.other(end.leftovers.markers)
         if end.leftovers.safe_mode is not None:
-            return f"{end.name}: {end.leftovers.safe_mode} holds safe mode, and there is only one"
+            return f"{end.name}: {end.leftovers.safe_mode} holds safe mode, which only one session can hold"
         if other is not None:
-            return f"{end.name}: {other.text} is under way on this device, or has died there"
+            return f"{end.name}: {other.text} is active on this device, or was interrupted there"
         alive = end.leftovers.alive(end.signer.is_over)
         if alive is not None and mode is not apply.JobMode.RESUME and not is_as_desired:
             return f"{end.name}: {alive}"
@@ -330,8 +334,8 @@ async def read_again(work: Transaction) -> BackResults | None:
         return None
     site = work.near.job.site
     return (
-        near or _left_between(work.near, site, f"{work.far.name} is away"),
-        far or _left_between(work.far, site, f"{work.near.name} is away"),
+        near or _left_between(work.near, site, f"{work.far.name} is not ready"),
+        far or _left_between(work.far, site, f"{work.near.name} is not ready"),
     )
 
 
@@ -346,7 +350,7 @@ def _build_stop_results(work: Transaction, why: str) -> BackResults:
 def _left_between(end: End, site: str, why: str) -> apply.DeviceResult:
     """Return a result without changes; `site` is the requested site, from which both ends are reachable."""
     hint = (
-        "let them finish, then run the same command again; if a run of ours has died there:"
-        f"  `provision recover resume site={site}`"
+        "let them finish, then run the same command again; if a run of ours was interrupted there:  `provision "
+        f"recover resume site={site}`"
     )
     return end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {why}", hint=hint)

@@ -25,14 +25,14 @@ from atlantis_netcfg.routeros.safe_mode import BUDGET, DEAD_SESSION_S
 async def follow(work: Transaction) -> apply.DeviceResult | None:
     """Change the near end to match the far end; return None if kept, else the result."""
     near, far = work.near, work.far
-    near.say(Stage.WAITING, f"{far.name} is not to be seen: {near.name} follows it to what is declared")
+    near.say(Stage.WAITING, f"{far.name} cannot be reached: {near.name} is changed to match the inventory, too")
     try:
         await work.protect_near()
         await work.change_near()
-        far.session = await far.contact.reach(work.pair.link_timeout_s, "following it")
+        far.session = await far.contact.reach(work.pair.link_timeout_s, "after changing the near end")
         await work.release(near, near.channel)
     except errors.NetcfgError as failure:
-        return await _back(work, f"{far.name} did not answer after {near.name} had followed it: {failure}")
+        return await _back(work, f"{far.name} did not respond after {near.name} was changed to match it: {failure}")
     return None
 
 
@@ -44,11 +44,9 @@ async def _back(work: Transaction, why: str) -> apply.DeviceResult:
         await SAFE_MODE.unroll(session)
         different_menus = near.same(await near.reread(session))
     except errors.NetcfgError as lost:
-        return near.result(apply.Status.UNKNOWN, f"the outcome is not known: {why}; then: {lost}")
+        return near.result(apply.Status.UNKNOWN, f"outcome unknown: {why}; then: {lost}")
     if different_menus:
-        return near.result(
-            apply.Status.UNKNOWN, f"the outcome is not known: {why}; it differs in {', '.join(different_menus)}"
-        )
+        return near.result(apply.Status.UNKNOWN, f"outcome unknown: {why}; differences in {', '.join(different_menus)}")
     return near.rolled_back(why)
 
 
@@ -133,9 +131,9 @@ async def _stoppable(work: Transaction, mode: apply.JobMode) -> Results | None:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
         if all(end.before is not None for end in work.ends):
-            return await roll_back(work, errors.DeviceError("stopped by hand"))
+            return await roll_back(work, errors.DeviceError("stopped by the user"))
         near, far = (
-            end.result(apply.Status.LEFT_AS_FOUND, "nothing was changed: stopped by hand")
+            end.result(apply.Status.LEFT_AS_FOUND, "nothing was changed: stopped by the user")
             for end in (work.near, work.far)
         )
         return near, far
@@ -167,15 +165,17 @@ def _add_notes(work: Transaction, end: End, result: apply.DeviceResult) -> apply
 
 def _single_end_notice(pair: Pair) -> str:
     return (
-        f"the radio of {pair.near.name} was off and {pair.far.name} is not to be seen: {pair.near.name} goes alone."
-        f" When {pair.far.name} has been set up from its own cable, run this again: only then is the bridge proved"
+        f"the radio of {pair.near.name} was off and {pair.far.name} cannot be reached: only {pair.near.name} is "
+        f"changed. After {pair.far.name} has been set up over its own cable, run this again: only then is the "
+        "bridge verified"
     )
 
 
 def _pair_notice(pair: Pair) -> str:
     return (
-        f"{pair.name} change as one, far end first; if the link is not back within {pair.link_timeout_s:.0f} s both"
-        f" return by themselves (where the far end's scheduler may not run, within {DEAD_SESSION_S / 60:.0f} min)"
+        f"{pair.name} change together, far end first; if the link is not back within {pair.link_timeout_s:.0f} s "
+        "both roll back by themselves (where the far end's scheduler may not run, within "
+        f"{DEAD_SESSION_S / 60:.0f} min)"
     )
 
 
@@ -220,8 +220,8 @@ async def _read(work: Transaction, mode: apply.JobMode) -> Results | None:
     if mode is apply.JobMode.RESUME and near is None and far is not None and work.near.changes_radio:
         return await _handle_unreachable_far(work, far)
     return (
-        near or _unchanged_result(work.near, f"its other end {work.far.name} could not be looked at"),
-        far or _unchanged_result(work.far, f"its other end {work.near.name} could not be looked at"),
+        near or _unchanged_result(work.near, f"cannot read its other end {work.far.name}"),
+        far or _unchanged_result(work.far, f"cannot read its other end {work.near.name}"),
     )
 
 
@@ -262,11 +262,11 @@ def _unchanged_result(end: End, why: str) -> apply.DeviceResult:
 def _refusal(work: Transaction, mode: apply.JobMode) -> str:
     names = (work.near.name, work.far.name)
     conflicts = disagreements(work.near.radio(after=True), work.far.radio(after=True), names)
-    reasons = [f"the two ends would not find each other: {'; '.join(conflicts)}"] if conflicts else []
+    reasons = [f"the two ends would not connect: {'; '.join(conflicts)}"] if conflicts else []
     if mode is not apply.JobMode.PLAN:
         reasons += [f"{end.name}: {why}" for end in work.ends for why in end.refusals()]
     reasons += [
-        f"{end.name}: {end.plan.weight} rows change, and safe mode remembers {BUDGET}: do it in two steps"
+        f"{end.name}: {end.plan.weight} rows change, but safe mode can undo only {BUDGET}: make the change in two steps"
         for end in work.ends
         if end.plan is not None and end.plan.weight > BUDGET
     ]
@@ -282,9 +282,11 @@ async def _run_forward(work: Transaction) -> Results:
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return await roll_back(work, errors.DeviceError("stopped by hand"))
+        return await roll_back(work, errors.DeviceError("stopped by the user"))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
-        near, far = await roll_back(work, errors.DeviceError(f"provision itself failed ({type(fault).__name__})"))
+        near, far = await roll_back(
+            work, errors.DeviceError(f"provision failed with an internal error ({type(fault).__name__})")
+        )
         return _mark_as_our_fault(near, fault), _mark_as_our_fault(far, fault)
     return _success_result(work.near), _success_result(work.far)
 

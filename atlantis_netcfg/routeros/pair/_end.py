@@ -108,7 +108,7 @@ class End:
     def channel(self) -> apply.Channel:
         """The first session. Raises DeviceError once it is closed."""
         if self.session is None:
-            raise errors.DeviceError(f"the session with {self.name} is gone")
+            raise errors.DeviceError(f"the session with {self.name} was lost")
         return self.session
 
     @property
@@ -188,14 +188,14 @@ class End:
         yield from find_missing_requirements(self.plan, self.observation)
         yield from self.examination.objections(self.actions, self.job.desired_state.source)
         if not facts.has_safe_mode:
-            yield f"RouterOS {facts.version} has no safe mode over the API, which {_SAFE_MODE} and later have"
+            yield f"RouterOS {facts.version} has no safe mode over the API; {_SAFE_MODE} and later have it"
         if facts.safe_mode_owner is not None:
-            yield f"{facts.safe_mode_owner} holds safe mode, and there is only one"
+            yield f"{facts.safe_mode_owner} holds safe mode, which only one session can hold"
         yield from self._too_dear(self.plan)
         if apart := _work.find_missing_consent(self.job, self.plan):
             yield apart
         if self.job.agreed_hash is not None and self.job.agreed_hash != _state.plan_hash(self.plan):
-            yield "the device has changed since the plan was shown; look at the new plan and agree to it"
+            yield "the device has changed since the plan was shown; check the new plan and confirm it"
 
     def hint(self) -> str | None:
         """Return the remedy for a refusal, if there is a single one."""
@@ -227,7 +227,7 @@ class End:
         try:
             remaining_actions = planner.plan(self.name, self.job.desired_state, now).actions
         except planner.CannotPlan as problem:
-            raise StateMismatch(f"what {self.name} has become does not fit any more: {problem}") from problem
+            raise StateMismatch(f"no plan can be made for the new state of {self.name}: {problem}") from problem
         if remaining_actions:
             names = "; ".join(f"{action.verb} {action.subject}" for action in remaining_actions[:_LIST_LIMIT])
             raise StateMismatch(f"{self.name} did not keep everything; still to do: {names}")
@@ -236,7 +236,7 @@ class End:
         ]
         if unused_rows:
             raise StateMismatch(
-                f"{self.name} took these rows, but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
+                f"{self.name} accepted these rows but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
             )
         self.after = now
 
@@ -276,14 +276,14 @@ class End:
     def rolled_back(self, why: str) -> apply.DeviceResult:
         """Record and return that the device was rolled back."""
         self.note(runs.RollbackRecord(device=self.name, reason=self.clean(why)))
-        return self.result(apply.Status.ROLLED_BACK, f"taken back, the device is as before: {why}")
+        return self.result(apply.Status.ROLLED_BACK, f"rolled back, the device is as before: {why}")
 
     def report_unchanged(self) -> apply.DeviceResult:
         """Return the result of an end without changes, with the leftovers of earlier runs that were removed."""
         if not self.removed_items:
             return self.result(apply.Status.UNCHANGED, "no changes needed")
         self.after = self.observation
-        return self.result(apply.Status.CHANGED, f"as declared; removed {' and '.join(self.removed_items)}")
+        return self.result(apply.Status.CHANGED, f"as in the inventory; removed {' and '.join(self.removed_items)}")
 
     def result(self, status: apply.Status, message: str, *, hint: str | None = None) -> apply.DeviceResult:
         """Build the result of this end."""

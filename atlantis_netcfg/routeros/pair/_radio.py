@@ -133,9 +133,9 @@ _PROTOCOLS = {
 def disagreements(near: PairRadio | None, far: PairRadio | None, names: tuple[str, str]) -> tuple[str, ...]:
     """Return the differences that would prevent a link between two radios, one sentence each."""
     if near is None or far is None:
-        return (f"{names[near is not None]} has no radio that can be driven",)
+        return (f"{names[near is not None]} has no radio with a supported driver",)
     if near.menu != far.menu:
-        return ("the two ends have different drivers, and station-bridge works only between equal ones",)
+        return ("the two ends have different drivers, but station-bridge works only between equal ones",)
     return tuple(_modes(near, far, names)) or tuple(_values(near, far, names))
 
 

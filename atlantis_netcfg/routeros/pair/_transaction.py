@@ -108,7 +108,7 @@ class Transaction:
             end.owner = (await safe_mode.ApiSafeMode().take(end.channel)).who
         except safe_mode.SafeModeUnavailable as unavailable:
             raise safe_mode.SafeModeUnavailable(f"{end.name}: {unavailable}", hint=unavailable.hint) from None
-        end.protection = "safe-mode and a job of the scheduler" if end.job_id else "safe-mode"
+        end.protection = "safe mode and a scheduler job" if end.job_id else "safe-mode"
         self._record_protection(end)
 
     async def _see_job(self) -> None:
@@ -118,7 +118,7 @@ class Transaction:
             row.get(".id") == far.job_id for row in (await far.channel.command(scheduler_jobs.READ_JOBS)).rows
         ):
             far.job_id = ""
-            raise InterferenceError(f"{far.name}: the job of its scheduler has run, or another run has taken it away")
+            raise InterferenceError(f"{far.name}: the scheduler job has run, or another run has removed it")
 
     async def _arm(self) -> None:
         """Arm the far end's scheduler job that restores its radio; if impossible, report the consequence."""
@@ -127,7 +127,7 @@ class Transaction:
         try:
             rollback = inverse(far.observation, far.aim, with_secrets=True)
         except CannotInvert as reason:
-            why = why or f"there is no script for the way back ({reason})"
+            why = why or f"there is no rollback script ({reason})"
         if not why and radio is not None and near is not None:
             try:
                 text = scheduler_jobs.pair_script(radio.menu, near.mac, rollback)
@@ -142,14 +142,14 @@ class Transaction:
                 self.fires = asyncio.get_running_loop().time() + self.pair.link_timeout_s
                 return
         far.notes.append(
-            f"if its link dies, {far.name} needs about nine minutes to return by itself: no job of its scheduler can"
-            f" bring it back sooner, {why or 'it has no radio'}"
+            f"if its link fails, {far.name} needs about nine minutes to roll back by itself: no scheduler job can do "
+            f"it sooner, {why or 'it has no radio'}"
         )
 
     def _record_protection(self, end: _end.End) -> None:
-        job = f", and a job of its scheduler after {self.pair.link_timeout_s:.0f} s" if end.job_id else ""
+        job = f", and a scheduler job after {self.pair.link_timeout_s:.0f} s" if end.job_id else ""
         end.record(runs.ProtectionRecord(device=end.name, how=end.protection))
-        end.say(Stage.PROTECTED, f"the end returns by itself: safe mode{job}")
+        end.say(Stage.PROTECTED, f"this end rolls back by itself: safe mode{job}")
 
     # --- changing --------------------------------------------------------------------------------------------------
 
@@ -169,7 +169,7 @@ class Transaction:
         if finished_tasks:
             self._read_far_replies(await self._answer)
         else:
-            far.say(Stage.WAITING, "its radio was changed, the link is gone", patience_s)
+            far.say(Stage.WAITING, "its radio was changed, the link is down", patience_s)
 
     async def change_near(self) -> None:
         """Write the near end, whose replies come over the cable."""
@@ -194,9 +194,9 @@ class Transaction:
         end.note(runs.ActionAcknowledgement(device=end.name, actions=result.acknowledged_numbers))
         if reply.trap is not None or list(result.acknowledged_numbers) != [action.number for action in actions]:
             words = reply.trap.message if reply.trap is not None else result.words
-            raise Refusal(f"{end.name} refused an action: {words or 'it stopped without a word'}")
+            raise Refusal(f"{end.name} refused an action: {words or 'it stopped without a message'}")
         if not safe_mode.Holder.of(holder).ours:
-            raise safe_mode.ProtectionLost(f"{end.name}: safe mode is not held any more in the middle of the change")
+            raise safe_mode.ProtectionLost(f"{end.name}: safe mode was lost in the middle of the change")
         end.say(Stage.APPLYING, f"{len(result.acknowledged_numbers)} actions sent")
 
     # --- proving ---------------------------------------------------------------------------------------------------
@@ -213,10 +213,10 @@ class Transaction:
                 await self._prove_radio()
         except TimeoutError:
             timeout_s = self.pair.link_timeout_s - self.pair.reserve_s
-            raise LinkGone(f"the link was not back and proved within {timeout_s:.0f} s") from None
+            raise LinkGone(f"the link was not back and verified within {timeout_s:.0f} s") from None
 
     async def _prove_end(self, end: _end.End) -> None:
-        end.say(Stage.VERIFYING, "reading back in a new session")
+        end.say(Stage.VERIFYING, "verifying in a new session")
         left_s = max(0.0, self.deadline - asyncio.get_running_loop().time())
         while True:
             session = await end.contact.reach(left_s, "verifying", insist=False)
@@ -236,7 +236,7 @@ class Transaction:
         for end, other in ((self.far, self.near), (self.near, self.far)):
             radio, peer = end.radio(after=True), other.radio(after=True)
             if radio is None or peer is None:
-                raise _end.StateMismatch(f"{end.name} has no radio any more")
+                raise _end.StateMismatch(f"{end.name} no longer has a radio")
             rows = (await self._anew[end.name].command(registrations(radio.menu))).check().rows
             row = next((row for row in rows if row.get("mac-address", "").upper() == peer.mac.upper()), None)
             if row is None:
@@ -248,7 +248,7 @@ class Transaction:
     async def _keep(self) -> None:
         """Release far end, then near end, then remove the far end's job (see above)."""
         if asyncio.get_running_loop().time() > self.deadline:
-            raise LinkGone("the time was over before the change could be kept")
+            raise LinkGone("time ran out before the change could be kept")
         await self._see_job()
         for end in self.ends:
             if end.actions:
@@ -297,7 +297,7 @@ def _script(actions: Sequence[Action]) -> str:
     """Return the actions as one script. Raises DeviceError if that is not possible."""
     parts = list(scripts(actions))
     if len(parts) > 1:
-        raise DeviceError("the change is too long for one script, and a radio cannot be changed in pieces")
+        raise DeviceError("the change is too long for one script, and a radio must be changed in one step")
     return parts[0][0]
 
 
@@ -306,6 +306,6 @@ def _judge_level(end: _end.End, level: float | None, bounds: _end.Signal | None)
         return
     if not bounds.weakest_dbm <= level <= bounds.strongest_dbm:
         raise LinkGone(
-            f"{end.name} hears the other end at {level:.0f} dBm, not between {bounds.weakest_dbm:.0f} and"
-            f" {bounds.strongest_dbm:.0f}"
+            f"{end.name} receives the other end at {level:.0f} dBm, not between {bounds.weakest_dbm:.0f} and "
+            f"{bounds.strongest_dbm:.0f}"
         )

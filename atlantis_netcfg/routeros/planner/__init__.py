@@ -84,8 +84,8 @@ def newer_than_known(version: Version) -> Iterator[str]:
     """Yield a note if the version is newer than the newest one tested."""
     if version > NEWEST_KNOWN:
         yield (
-            f"RouterOS {version} is newer than anything known here, which ends at {NEWEST_KNOWN}: what it has changed "
-            "since then nobody has looked at"
+            f"RouterOS {version} is newer than the newest known version, {NEWEST_KNOWN}: later changes have not been "
+            "reviewed"
         )
 
 
@@ -101,7 +101,7 @@ def _find_unsupported(path: str, desired_state: DesiredState, version: Version) 
     """Yield what this version lacks, and the first version that has it; None if only older ones have it."""
     menu = MENUS[path]
     if menu.since is not None and version < menu.since:
-        yield f"{menu.title} is there from RouterOS {menu.since} on, and this device has {version}", menu.since
+        yield f"{menu.title} needs RouterOS {menu.since} or later, but this device has {version}", menu.since
     for item in desired_state.items[path]:
         for name in item.values:
             field = menu.by_name[name]
@@ -112,7 +112,7 @@ def _find_unsupported(path: str, desired_state: DesiredState, version: Version) 
 
 
 def _version_problem(item: RowItem, name: str, when: str, version: Version) -> str:
-    return f"line {item.line}: {MENUS[item.menu].title} has `{name}` {when}, and this device has {version}"
+    return f"line {item.line}: {MENUS[item.menu].title} has `{name}` {when}, but this device has {version}"
 
 
 def _other_version(lacking: Sequence[Version | None], facts: _types.Facts) -> str | None:
@@ -121,8 +121,8 @@ def _other_version(lacking: Sequence[Version | None], facts: _types.Facts) -> st
         return None
     newer = [version for version in lacking if version is not None]
     if len(newer) < len(lacking):
-        return "take from the text what RouterOS has no more, in the lines that are named"
-    return f"{facts.upgrade(max(newer))}; or take the named lines out of the text"
+        return "remove what RouterOS no longer has from the named lines of the text"
+    return f"{facts.upgrade(max(newer))}; or remove the named lines from the text"
 
 
 def _plan_menu(path: str, desired_state: DesiredState, rows: tuple[_types.Row, ...], context: Context) -> MenuPlan:

@@ -155,7 +155,7 @@ def _plan_property(
         return {}
     if each.secret and context.is_hidden(row.get(name)):
         report.hidden_secrets.append(_types.HiddenSecret(menu.path, menu.name_of(row), name))
-        report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left as it is")
+        report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left unchanged")
         return {}
     value = item.values[name]
     if each.is_prompted and value:
@@ -178,7 +178,7 @@ def _plan_prompted_value(
     if context.sim is PinSim.FREE:
         return {}
     if context.sim is PinSim.UNKNOWN:
-        report.notes.append(f"{report.menu.name_of(row)} does not say whether it needs `{name}`: it is not sent")
+        report.notes.append(f"{report.menu.name_of(row)} does not show whether it needs `{name}`: it is not sent")
         return {}
     if why := objection(context.sim, row.get(name, ""), value, context.desired_state.pin_refusal):
         report.problems.append(f"line {item.line}: {why}")

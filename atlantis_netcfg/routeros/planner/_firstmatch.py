@@ -343,7 +343,7 @@ def _cosmetics(lists: _Lists, item: RowItem, row: _types.Row) -> None:
             )
         )
     if item.is_marked and not menu.is_ours(row) and not lists.context.is_entire(menu):
-        lists.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
+        lists.report.notes.append(f"{menu.title}: {menu.name_of(row)} existed without our mark, and becomes ours")
 
 
 def _remove(lists: _Lists) -> None:
@@ -375,7 +375,7 @@ def _show(lists: _Lists) -> None:
             )
     for place, row in enumerate(lists.old):
         if place not in items_by_place and place not in lists.moved_places and not _is_ours(lists, row):
-            message = "not declared, and not ours: left as it is"
+            message = "not in the inventory, and not ours: left unchanged"
             report.drift.append(_types.Drift(menu.path, menu.name_of(row), _types.RowOwner.OTHER, message, row[".id"]))
 
 
@@ -410,5 +410,5 @@ def _warn(lists: _Lists) -> None:
         if row.get("action") == "jump" and caller != target and {caller, target} <= changed_chains:
             lists.report.notes.append(
                 f"{lists.menu.title}: chain {target} and its caller {caller} both change; for a moment a packet may "
-                f"meet the old rows of one and the new rows of the other"
+                "meet old rows of one and new rows of the other"
             )

@@ -128,8 +128,8 @@ def _find_implied_rows(work: _MatchedRows) -> list[_types.Row]:
 def _missing_row_text(menu: Menu, item: RowItem, rows: list[_types.Row]) -> str:
     there = ", ".join(menu.name_of(row) for row in rows)
     return (
-        f"line {item.line}: there is no {menu.name_of(item.defined_values)} in {menu.title}; "
-        f"the device has {there or 'none'}"
+        f"line {item.line}: {menu.name_of(item.defined_values)} does not exist in {menu.title}; the device has "
+        f"{there or 'none'}"
     )
 
 
@@ -179,7 +179,7 @@ def _make_way(work: _MatchedRows, match: _Match, holder: _types.Row, owner: _Mat
     else:
         here, there = work.menu.name_of(match.item.defined_values), work.menu.name_of(holder)
         work.report.problems.append(
-            f"line {match.item.line}: {here} cannot be had beside {there}, which is on the device"
+            f"line {match.item.line}: {here} cannot exist together with {there}, which is on the device"
         )
 
 
@@ -250,7 +250,7 @@ def _set(work: _MatchedRows, match: _Match, row: _types.Row) -> None:
     )
     work.report.lines += diff.set_lines(menu, row, match.writes)
     if match.item.is_marked and not menu.is_ours(row) and menu.shape is Shape.LIST:
-        work.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
+        work.report.notes.append(f"{menu.title}: {menu.name_of(row)} existed without our mark, and becomes ours")
 
 
 def _report_left(work: _MatchedRows) -> None:
@@ -270,7 +270,7 @@ def _report_left(work: _MatchedRows) -> None:
             )
     for row in work.unmatched_rows:
         if not _is_removable(work, row) and not menu.is_stock(row):
-            message = "not declared, and not ours: left as it is"
+            message = "not in the inventory, and not ours: left unchanged"
             work.report.drift.append(
                 _types.Drift(menu.path, menu.name_of(row), _types.RowOwner.OTHER, message, row[".id"])
             )

@@ -111,14 +111,14 @@ def cpe_prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) ->
     device = _cpe_of(host)
     peer = inventory.hosts[device.ptp.peer].name if device.ptp.peer in inventory.hosts else device.ptp.peer
     return (
-        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
-        view.Prerequisite("/interface/ethernet", device.port, f"the cable of the bridge to {peer} comes in by it"),
+        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl uses it"),
+        view.Prerequisite("/interface/ethernet", device.port, f"it carries the bridge cable to {peer}"),
     )
 
 
 def _cpe_of(host: view.DeclaredHost) -> model.Cpe:
     if host.device.kind != "cpe":
-        raise view.RenderError(f"{host.name} is a {host.device.kind}, and only a CPE has a CPE's configuration")
+        raise view.RenderError(f"{host.name} is a {host.device.kind}; only a CPE can have a CPE configuration")
     return host.device
 
 
@@ -136,7 +136,8 @@ def _ends(
                     if served_link.carries == carried_site and {link.device, served_link.device} == ends:
                         return carried_site, link, serving, served_link
     raise view.RenderError(
-        f"{host.name} is no end of a link: no `wifi_ptp` bearer and served link name {host.name} and {device.ptp.peer}",
+        f"{host.name} is not an end of a link: no `wifi_ptp` link with a served link names {host.name} and "
+        f"{device.ptp.peer}",
         hint="see `bearers` and `served_links` of the two sites in group_vars",
     )
 
@@ -144,7 +145,7 @@ def _ends(
 def _radio(name: str, ptp: model.Ptp, family: str) -> view.RadioView:
     legacy = family == "wireless"
     if (ptp.standard == "802.11ax") if legacy else (ptp.protocol != "802.11"):
-        raise view.RenderError(f"{name}: the `{family}` menus cannot do {ptp.protocol} with {ptp.standard}")
+        raise view.RenderError(f"{name}: the `{family}` menus do not support {ptp.protocol} with {ptp.standard}")
     distance_m = ptp.distance_m or 0
     return replace(
         _plain(ptp, family),

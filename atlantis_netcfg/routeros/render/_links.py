@@ -88,7 +88,7 @@ def management_port(name: str, router: model.Router) -> str:
     matching_ports = [port.name for port in router.ports if port.use == "management"]
     if len(matching_ports) != 1:
         raise view.RenderError(
-            f"{name} needs one port with `use: management`, and has {len(matching_ports)}",
+            f"{name} needs one port with `use: management`, but has {len(matching_ports)}",
             hint=f"see `ports` in host_vars/{name}.yml",
         )
     return matching_ports[0]
@@ -99,7 +99,7 @@ def port_of(name: str, router: model.Router, link: str) -> str:
     matching_ports = [port.name for port in router.ports if port.link == link]
     if len(matching_ports) != 1:
         raise view.RenderError(
-            f"{name} needs one port with `use: link, link: {link}`, and has {len(matching_ports)}",
+            f"{name} needs one port with `use: link, link: {link}`, but has {len(matching_ports)}",
             hint=f"see `ports` in host_vars/{name}.yml",
         )
     return matching_ports[0]
@@ -227,7 +227,7 @@ def lte_link(inventory: view.InventoryView, host: view.DeclaredHost) -> model.Li
             return link
     raise view.RenderError(
         f"{host.name} is the gateway of no link of {host.site}",
-        hint=f"see `bearers` in group_vars/{host.site}.yml: one has `device: {host.name}`",
+        hint=f"see `bearers` in group_vars/{host.site}.yml: one needs `device: {host.name}`",
     )
 
 
@@ -235,17 +235,15 @@ def lte_prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) ->
     """Return the modem, port and certificate that must exist on the device because its text refers to them."""
     link = lte_link(inventory, host).name
     return (
-        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
-        view.Prerequisite("/interface/ethernet", _PORT, f"the cable of {link} comes in by it"),
-        view.Prerequisite("/interface/lte", _MODEM, "it is the way to the 4G network"),
+        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl uses it"),
+        view.Prerequisite("/interface/ethernet", _PORT, f"it carries the cable of {link}"),
+        view.Prerequisite("/interface/lte", _MODEM, "it leads to the 4G network"),
     )
 
 
 def _box(host: view.DeclaredHost) -> model.LteRouter:
     if host.device.kind != "lte_router" or host.device.driver != "routeros":
-        raise view.RenderError(
-            f"{host.name} is no LTE box with driver routeros, and only such a one has this configuration"
-        )
+        raise view.RenderError(f"{host.name} is not an LTE device with driver routeros, which this configuration needs")
     return host.device
 
 

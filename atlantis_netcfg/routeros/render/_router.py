@@ -24,7 +24,7 @@ def _server(inventory: view.InventoryView) -> view.DeclaredHost:
     name = inventory.pilot.vpn.server
     if name not in inventory.hosts:
         raise view.RenderError(
-            f"no host is called {name}, which pilot.vpn.server names",
+            f"pilot.vpn.server names host {name}, which is not in the inventory",
             hint="see group_vars/all/pilot.yml",
         )
     return inventory.hosts[name]
@@ -89,7 +89,7 @@ def managers(inventory: view.InventoryView, host: view.DeclaredHost, interface: 
     way_in = "VPN" if interface is not None else "LAN" if server_in_lan(inventory, host) else ""
     for prefix in site.management.admit:
         has_network = False
-        for way, interfaces, networks in (*local, (" by the VPN", way_in, behind)):
+        for way, interfaces, networks in (*local, (" over the VPN", way_in, behind)):
             for network in (network for network in networks if network.overlaps(prefix)):
                 has_network = True
                 if interfaces:
@@ -124,7 +124,7 @@ def forwards(
 
 def _find_host(inventory: view.InventoryView, host: view.DeclaredHost, name: str) -> view.DeclaredHost:
     if name not in inventory.hosts:
-        raise view.RenderError(f"{host.name} forwards a port to {name}, and no host is called so")
+        raise view.RenderError(f"{host.name} forwards a port to {name}, which is not in the inventory")
     return inventory.hosts[name]
 
 
@@ -178,14 +178,14 @@ def prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) -> tup
     """Return the ports and certificates that must exist on the device because its text refers to them."""
     device = view.router_of(host)
     own_tunnel = tunnel(inventory, device)
-    certificates = [view.Prerequisite("/certificate", _links.API_CERTIFICATE, "service api-ssl presents it")]
+    certificates = [view.Prerequisite("/certificate", _links.API_CERTIFICATE, "service api-ssl uses it")]
     if own_tunnel is not None:
-        reason = f"{own_tunnel.interface} proves with it who it is"
+        reason = f"{own_tunnel.interface} authenticates with it"
         certificates.append(view.Prerequisite("/certificate", own_tunnel.certificate, reason))
     return (
         *certificates,
         *(
-            view.Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
+            view.Prerequisite("/interface/ethernet", port.name, f"the inventory has it as a port for {port.purpose}")
             for port in _links.ports(device)
         ),
         *_radio_prerequisites(device),
@@ -195,7 +195,9 @@ def prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) -> tup
 def _radio_prerequisites(device: model.Router) -> Iterator[view.Prerequisite]:
     if device.access_point is not None:
         menus = device.access_point.menus
-        yield view.Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point for vehicles")
+        yield view.Prerequisite(
+            f"/interface/{menus}", radio_name(menus), "the inventory has it as an access point for vehicles"
+        )
 
 
 def _dds_ports(pilot: model.Pilot) -> str | None:

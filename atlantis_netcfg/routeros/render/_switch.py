@@ -87,23 +87,23 @@ def switch_prerequisites(host: view.DeclaredHost) -> tuple[view.Prerequisite, ..
     """Return the ports, certificate and radio that must exist on the device because its text refers to them."""
     device = _switch_of(host)
     prerequisites = [
-        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
+        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl uses it"),
         *(
-            view.Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
+            view.Prerequisite("/interface/ethernet", port.name, f"the inventory has it as a port for {port.purpose}")
             for port in _ports(device)
         ),
     ]
     if device.access_point is not None:
         menus = device.access_point.menus
         prerequisites.append(
-            view.Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point")
+            view.Prerequisite(f"/interface/{menus}", radio_name(menus), "the inventory has it as an access point")
         )
     return tuple(prerequisites)
 
 
 def _switch_of(host: view.DeclaredHost) -> model.Switch:
     if host.device.kind != "switch":
-        raise view.RenderError(f"{host.name} is a {host.device.kind}, and only a switch has a switch's configuration")
+        raise view.RenderError(f"{host.name} is a {host.device.kind}; only a switch can have a switch configuration")
     return host.device
 
 

@@ -383,7 +383,7 @@ class InventoryView(Protocol):
 def router_of(host: DeclaredHost) -> model.Router:
     """Return the router of a host. Raises RenderError if it is another device."""
     if host.device.kind != "router":
-        raise RenderError(f"{host.name} is a {host.device.kind}, and only a router has a router's configuration")
+        raise RenderError(f"{host.name} is a {host.device.kind}; only a router can have a router configuration")
     return host.device
 
 

@@ -47,7 +47,7 @@ class DriftReport:
     @property
     def skip_reasons(self) -> Mapping[str, str]:
         """Reasons why devices were not compared, by name."""
-        untold = {name: f"not handled yet ({_kind(kind)})" for name, kind in self.not_handled.items()}
+        untold = {name: f"not supported yet ({_kind(kind)})" for name, kind in self.not_handled.items()}
         return {**{name: f"not rehearsed: {why}" for name, why in self.left_out.items()}, **untold}
 
     @property
@@ -96,7 +96,7 @@ class DriftReport:
             yield ""
         yield from (f"{name}: {why}" for name, why in self.skip_reasons.items())
         if self.is_rehearsal:
-            yield "rehearsed on emulated devices as they are after `provision device adopt`: nothing real was read"
+            yield "rehearsed on emulated devices as they are after `provision device adopt`: no real device was read"
 
     def _detail_lines(self, name: str, result: Mapping[str, Any]) -> Iterator[str]:
         if result["comparison"] is not None:
@@ -106,13 +106,16 @@ class DriftReport:
         yield from cost_lines(result, is_rehearsal=self.is_rehearsal)
         yield from (f"note: {note}" for note in result["notes"])
         if name in self.unfinished_runs:
-            yield f"note: run {self.unfinished_runs[name]} left its outcome open: `{self.next_commands[name]}` goes on"
+            yield (
+                f"note: the outcome of run {self.unfinished_runs[name]} is open: `{self.next_commands[name]}` "
+                "continues it"
+            )
 
 
 def _confirmation_text(comparison: Mapping[str, Any], zone: str) -> str:
     confirmation = comparison["confirmed"]
     if confirmation is None:
-        return "since when is unknown: no run has confirmed a state of this device"
+        return "unknown since when: no run has confirmed a state of this device"
     return (
         f"last confirmed by run {confirmation['run']} of {time_text(datetime.fromisoformat(confirmation['at']), zone)}"
     )
@@ -146,7 +149,7 @@ def difference_lines(
     """Yield the lines of one difference: what, owner, since when, and by whom according to the device's history."""
     yield printable.line(f"{read(difference['kind']):<8} {difference['subject']}")
     details = [
-        f"{field['name']}: declared {_value_text(field['declared'])}, found {_value_text(field['found'])}"
+        f"{field['name']}: inventory {_value_text(field['declared'])}, device {_value_text(field['found'])}"
         for field in difference["fields"]
     ]
     if difference["row"]:
@@ -154,7 +157,7 @@ def difference_lines(
     details.append("; ".join(filter(None, (read(_owner(difference)), _since(difference, confirmation)))))
     if difference["history"]:
         change = difference["history"]
-        details.append(f"the device remembers: {change['action']}, by {change['by']}, {change['at']} by its clock")
+        details.append(f"history of the device: {change['action']}, by {change['by']}, {change['at']} by its clock")
     yield from (f"{'':<8} {printable.line(detail)}" for detail in details)
 
 
@@ -169,12 +172,12 @@ def _since(difference: Mapping[str, Any], confirmation: Mapping[str, str] | None
     if confirmation is None:
         return ""  # said once, for the whole device
     if difference["since"] == "unknown":
-        return f"since when is unknown: {difference['why_unknown']}"
+        return f"unknown since when: {difference['why_unknown']}"
     if difference["since"] == "after":
-        return f"since after run {confirmation['run']}"
+        return f"changed after run {confirmation['run']}"
     if difference["kind"] == "foreign":
-        return f"there already in run {confirmation['run']}, which left it alone"
-    return f"already so in run {confirmation['run']}: the declaration is newer"
+        return f"already there in run {confirmation['run']}, which left it unchanged"
+    return f"already so in run {confirmation['run']}: the inventory is newer"
 
 
 def _value_text(value: str) -> str:
@@ -237,7 +240,7 @@ def render_xml(root: ET.Element) -> bytes:
 
 
 _READ = "the device can be read"
-_EVIDENCE = "what is declared agrees with the evidence"
+_EVIDENCE = "the inventory agrees with the evidence"
 
 
 def junit(report: DriftReport) -> bytes:

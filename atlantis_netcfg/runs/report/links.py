@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 _KINDS = {"wifi_ptp": "Wi-Fi bridge", "lte": "4G", "satellite": "satellite", "ethernet": "cable"}
-_STATES = {"up": "up", "down": "DOWN", "searching": "searching", "unknown": "not known"}
+_STATES = {"up": "up", "down": "DOWN", "searching": "searching", "unknown": "unknown"}
 _NOT_GREEN = frozenset({Verdict.FAIL.value, Verdict.ERROR.value, Verdict.INCONCLUSIVE.value})
 """Verdicts of a finding that are not green: a check without result is no better than a failed one."""
 _MARGIN, _WIDTH = 14, 117
@@ -79,14 +79,14 @@ class LinksReport:
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
-        what = "emulated devices, nothing real was asked" if self.is_rehearsal else "nothing was changed"
+        what = "emulated devices; no real device was contacted" if self.is_rehearsal else "nothing was changed"
         yield f"Links of {self.site} ({self.title}), the preferred one first: {what}"
         for number, (name, link) in enumerate(self.bearers.items(), start=1):
             yield ""
             yield from _block(number, name, link, self.time_zone)
         yield ""
-        yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
-        cost_of = "a real look comes to, over" if self.is_rehearsal else "this look has cost, over"
+        yield from (f"not queried: {device}: {why}" for device, why in self.not_asked.items())
+        cost_of = "cost of a real run over" if self.is_rehearsal else "cost of this run over"
         yield from (f"{cost_of} {name}: {link['words']}" for name, link in self.costs.items())
         yield from (f"note: {' '.join(note.split())}" for note in self.notes)
         if self.not_rehearsed:
@@ -98,17 +98,17 @@ class LinksReport:
         preferred_link = next(iter(self.bearers), "")
         active = [name for name, entry in self.bearers.items() if entry["active"]]
         if not self.queried_devices:
-            return f"Nobody was asked, so nothing is known of {self.site}"
+            return f"No device was queried, so nothing is known about {self.site}"
         if any(link["active"] is None for link in self.bearers.values()):
             return f"Which link carries the traffic of {self.site} is not known: the router was not read"
         if not active:
-            return f"NOTHING carries the traffic of {self.site}"
+            return f"NO LINK carries the traffic of {self.site}"
         if len(active) > 1:
-            return f"{' and '.join(active)} carry the traffic of {self.site} together"
+            return f"{' and '.join(active)} share the traffic of {self.site}"
         words = f"{active[0]} carries the traffic of {self.site}"
         if active[0] == preferred_link:
             return f"{words}: it is the preferred link"
-        cost_note = "; every byte on it is paid" if self.bearers[active[0]]["metered"] else ""
+        cost_note = "; it is metered" if self.bearers[active[0]]["metered"] else ""
         return f"{words}: it is NOT the preferred link, which is {preferred_link}{cost_note}"
 
 
@@ -120,10 +120,10 @@ def _block(number: int, name: str, link: Mapping[str, Any], zone: str) -> Iterat
     for title, words in _quality(link["kind"], link["quality"]):
         yield from _lines(title, words)
     if link["probe_bytes"]:
-        cost_note = f" ({_size(link['probe_bytes'])}, which is paid for)" if link["metered"] else ""
+        cost_note = f" ({_size(link['probe_bytes'])}, metered)" if link["metered"] else ""
         yield from _lines("probe", f"{_probe(link['quality'])}{cost_note}")
     yield from _lines("this month", _month(link, zone))
-    for title, words in zip_longest(("standing",), link["standing"]["words"], fillvalue=""):
+    for title, words in zip_longest(("background",), link["standing"]["words"], fillvalue=""):
         yield from _lines(title, words)
     for finding in link["findings"]:
         yield from _lines(finding["verdict"], finding["message"])
@@ -140,28 +140,28 @@ def _lines(title: str, words: str) -> Iterator[str]:
 
 def _state(link: Mapping[str, Any]) -> Iterator[str]:
     if link["state"] == "unknown" and link["kind"] == "satellite":
-        yield "not probed, because its airtime is for traffic"
+        yield "not probed, to keep its capacity for traffic"
     else:
         yield translate(_STATES[link["state"]])
     if link["active"]:
         yield "carries traffic now"
     if link["metered"]:
-        yield "paid by the byte"
+        yield "metered"
 
 
 def _probe(quality: Mapping[str, Any]) -> str:
     loss, rtt = quality.get("loss_percent"), quality.get("rtt_ms")
     if loss == 100:  # noqa: PLR2004 - per cent
-        return "no canary answers"
+        return "no probe target responds"
     time = "" if rtt is None else f" within {rtt:g} ms"
-    return f"canaries answer{time}" + (f", {loss} % lost" if loss else "")
+    return f"probe targets respond{time}" + (f", {loss} % lost" if loss else "")
 
 
 def _month(link: Mapping[str, Any], zone: str) -> str:
     if link["month_bytes"] is None:
         return "not counted yet"
     gaps = len(link["month_gaps"])
-    more = f"; at least, there are {gaps} gaps" if gaps > 1 else "; at least, there is a gap" if gaps else ""
+    more = f"; at least: {gaps} gaps in the count" if gaps > 1 else "; at least: one gap in the count" if gaps else ""
     return f"{_size(link['month_bytes'])}, counted since {_since(link['month_since'], zone)}{more}"
 
 
@@ -189,7 +189,7 @@ def _wifi_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "signal", "; ".join(parts)
     flow = [*_tx_rx_text(quality, "rate", "rate_mbps", "Mbit/s"), *_tx_rx_text(quality, "CCQ", "ccq_percent", "%")]
     if flow:
-        yield "flow", ", ".join(flow)
+        yield "rates", ", ".join(flow)
     if quality.get("status") is not None or quality.get("channel") is not None:
         yield "radio", ", ".join(str(quality[name]) for name in ("status", "channel") if quality.get(name) is not None)
 
@@ -201,7 +201,7 @@ def _signal(quality: Mapping[str, Any]) -> Iterator[str]:
         more = f" (chains {', '.join(f'{value:g}' for value in chains)})" if chains else ""
         yield f"{_radio_grade(level)}, {level:g} dBm{more}"
     if far is not None:
-        yield f"the other end hears {far:g} dBm"
+        yield f"the other end receives {far:g} dBm"
 
 
 def _radio_grade(level: float) -> str:
@@ -237,7 +237,7 @@ def _lte_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if quality.get("address") is not None or quality.get("apn") is not None:
         identity = [("address", quality.get("address")), ("APN", quality.get("apn"))]
         words = ", ".join(f"{name} {value}" for name, value in identity if value is not None)
-        yield "data", f"{words}{', behind the NAT of its network' if quality.get('carrier_nat') == 'yes' else ''}"
+        yield "data", f"{words}{', behind carrier NAT' if quality.get('carrier_nat') == 'yes' else ''}"
 
 
 def _level(key: str, value: float) -> str:
@@ -247,7 +247,7 @@ def _level(key: str, value: float) -> str:
 
 
 def _terminal_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    reachability = {"yes": "answers the router", "no": "has not answered the router of late"}.get(
+    reachability = {"yes": "responds to the router", "no": "has not responded to the router recently"}.get(
         str(quality.get("next_hop_seen"))
     )
     firmware = None
@@ -257,7 +257,7 @@ def _terminal_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "terminal", ", ".join(words for words in (reachability, firmware) if words)
     if quality.get("kept_off_packets") is not None:
         packets, nbytes = quality["kept_off_packets"], _size(quality["kept_off_bytes"])
-        yield "kept off", f"{packets} packets ({nbytes}) that the allow-list does not admit"
+        yield "blocked", f"{packets} packets ({nbytes}) outside the allow-list"
 
 
 def _size(nbytes: int) -> str:

@@ -26,8 +26,8 @@ def cost_lines(result: Mapping[str, Any], *, is_rehearsal: bool) -> Iterator[str
     if cost is None:
         return
     if is_rehearsal and cost["words"]:
-        yield f"a real run asks first: {consent_question(cost)}"
-    yield f"{'and comes to' if is_rehearsal else 'cost over ' + str(cost['bearer'])}: {cost['bill_words']}"
+        yield f"a real run needs your consent: {consent_question(cost)}"
+    yield f"{'and costs' if is_rehearsal else 'cost over ' + str(cost['bearer'])}: {cost['bill_words']}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class RunReport:
             "devices": {
                 **{name: self._device(name, result) for name, result in self.devices.items()},
                 **{name: {"status": "not rehearsed", "message": why} for name, why in self.left_out.items()},
-                **{name: {"status": "not handled yet", "kind": kind} for name, kind in self.not_handled.items()},
+                **{name: {"status": "not supported yet", "kind": kind} for name, kind in self.not_handled.items()},
             },
             "errors": [
                 {"device": name, "message": result["message"], "hint": result["hint"]}
@@ -195,7 +195,7 @@ class RunReport:
             for name, why in self.left_out.items()
         )
         for name, kind in self.not_handled.items():
-            words = translate(f"not handled yet ({kind.replace('_', ' ')})")
+            words = translate(f"not supported yet ({kind.replace('_', ' ')})")
             yield (f"  {name:{start}} ", printable.StyledText(words, printable.Style.WARNING))
         if self.is_rehearsal and self.verbose:
             yield from (f"  {translate(f'not rehearsed: {item}')}" for item in self.not_rehearsed)

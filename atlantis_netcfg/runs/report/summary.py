@@ -21,9 +21,9 @@ from atlantis_netcfg.core.language import as_typed, translate
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-_AGAIN = "remove the cause, then type the same command again"
+_AGAIN = "remove the cause, then run the same command again"
 """Hint for failures without a better one."""
-_STOP_HINT = "type the same command again to go on"
+_STOP_HINT = "run the same command again to continue"
 _LABEL = 10
 
 
@@ -40,10 +40,10 @@ class DeviceEnd(StrEnum):
     ROLLED_BACK = "rolled back"
     UNKNOWN = "unknown"
     NOT_PROVED = "not proved"
-    DECLARED = "only declared"
+    DECLARED = "inventory only"
     NOT_CHECKED = "not checked"
     NOT_REHEARSED = "not rehearsed"
-    NOT_HANDLED = "not handled yet"
+    NOT_HANDLED = "not supported yet"
 
 
 ALWAYS = (DeviceEnd.CHANGED, DeviceEnd.UNCHANGED, DeviceEnd.FAILED, DeviceEnd.NOT_REACHED)
@@ -93,15 +93,19 @@ _BAD = {
     ),
     DeviceEnd.UNKNOWN: (
         "UNKNOWN",
-        "what {device} holds now is not known",
-        "what {count} devices hold now is not known",
+        "the state of {device} is not known",
+        "the state of {count} devices is not known",
     ),
     DeviceEnd.NOT_PROVED: (
         "NOT PROVED",
-        "something is left to do for {device}",
-        "something is left to do for {count} devices",
+        "work is left to do on {device}",
+        "work is left to do on {count} devices",
     ),
-    DeviceEnd.DIFFERENT: ("DIFFERENT", "{device} is not as declared", "{count} devices are not as declared"),
+    DeviceEnd.DIFFERENT: (
+        "DIFFERENT",
+        "{device} differs from the inventory",
+        "{count} devices differ from the inventory",
+    ),
     DeviceEnd.FAILED: ("FAILED", "{device} ended with an error", "{count} devices ended with an error"),
     DeviceEnd.NOT_CHECKED: ("NOTHING DONE", "no device took part", "no device took part"),
 }
@@ -183,8 +187,8 @@ class Summary:
         if self.is_rehearsal:
             return "only emulated devices were changed"
         if DeviceEnd.UNKNOWN in self.endings.values():
-            return "what a device holds now is not known"
-        return "what was read back stays, nothing else was changed"
+            return "the state of a device is not known"
+        return "changes that were read back stay, nothing else was changed"
 
     def _success_words(self) -> tuple[str, str]:
         how = self.endings.values()
@@ -206,19 +210,19 @@ class Summary:
             return "DONE", "DONE IN PART", "DONE, WITH WARNINGS", self._changed_words()
         if DeviceEnd.UNCHANGED in how:
             words = ("NOTHING TO CHANGE", "NOTHING TO CHANGE IN PART", "NOTHING TO CHANGE, WITH WARNINGS")
-            return *words, "read, and found as declared"
-        return "LOOKED AT", "LOOKED AT IN PART", "LOOKED AT, WITH WARNINGS", "nothing was sent to a device"
+            return *words, "read, no differences from the inventory"
+        return "LOOKED AT", "LOOKED AT IN PART", "LOOKED AT, WITH WARNINGS", "nothing was sent to any device"
 
     def _changed_words(self) -> str:
         """Return the text for changed devices; computers report their tasks, other devices are read back."""
         computers = any("changes" in result for result in self.results.values() if ending(result) is DeviceEnd.CHANGED)
-        return "changed as declared" if computers else "changed as declared, and read back"
+        return "changed to match the inventory" if computers else "changed to match the inventory, and read back"
 
     def _rehearsed_words(self) -> str:
         if self.passes:
-            return f"second runs over {_links(self.passes)} changed nothing"
+            return f"repeated over {_links(self.passes)}: no further changes"
         if DeviceEnd.CHANGED in self.endings.values():
-            return "emulated devices were changed as declared, and read back"
+            return "emulated devices were changed to match the inventory, and read back"
         return "emulated devices were read, nothing was changed"
 
     def _failure_words(self) -> tuple[str, str]:
@@ -264,7 +268,7 @@ class Summary:
         name = self._worst()
         if name:
             result = self.results[name]
-            yield from _label_lines("look at", f"{name}: {translate(result['message'])}", width)
+            yield from _label_lines("check", f"{name}: {translate(result['message'])}", width)
             hint = result["hint"] or (_STOP_HINT if self.stopped_by else _AGAIN)
             yield from _advice(translate(hint), width)
         elif self.stopped_by:
@@ -273,11 +277,11 @@ class Summary:
             first = self.warned_devices[0]
             words = translate(warnings(self.results[first])[0])
             words = words if first in words else f"{first}: {words}"
-            yield from _label_lines("look at", words, width)
+            yield from _label_lines("check", words, width)
         else:
             for device, (how, why) in self.unseen.items():
                 words = f"{translate(how.value)}: {translate(why)}" if why else translate(how.value)
-                yield from _label_lines("look at", f"{device}: {words}", width)
+                yield from _label_lines("check", f"{device}: {words}", width)
                 return
 
 

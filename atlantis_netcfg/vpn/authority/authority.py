@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 Sealing = Literal["age", "vault"]
 UNFINISHED_MARK = "founding"
-_OWN_FOLDER_HINT = "work as that user, or name a folder of your own: authority=DIR"
+_OWN_FOLDER_HINT = "run the command as that user, or use a folder of your own: authority=DIR"
 
 
 def is_complete(folder: Path) -> bool:
@@ -61,13 +61,13 @@ def require_authority(folder: Path) -> None:
         return
     _check_leftovers(folder)
     raise model.NoAuthority(
-        f"there is no authority in {folder}", hint="`provision vpn init` makes one; `authority=DIR` names it"
+        f"there is no authority in {folder}", hint="`provision vpn init` creates one; `authority=DIR` names it"
     )
 
 
 def prepare_folder(folder: Path) -> None:
     """Create the folder, accessible by its owner only."""
-    with model.os_errors_as("there is no place for the authority"):
+    with model.os_errors_as("no folder for the authority"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         require_own(folder, _OWN_FOLDER_HINT)
         runs.sync_directory(folder.parent)
@@ -117,7 +117,7 @@ def _create_authority(folder: Path, passphrase: Secret, names: model.ServerNames
     lines = ledger.first_lines([founding_record, server_record, crl_record], who, new_operation(), now)
     digests = [ledger.digest(line) for line in lines.splitlines()]
     files[HEAD_FILE] = new_head(ca, len(digests), digests[-1], now)
-    with model.os_errors_as("the authority cannot be made"):
+    with model.os_errors_as("the authority cannot be created"):
         runs.write_atomically(folder / UNFINISHED_MARK, b"provision vpn init was not completed here: run it again\n")
         for other in model.SEALED_KEY_FILES.values():
             (folder / other).unlink(missing_ok=True)
@@ -131,7 +131,7 @@ def _check_leftovers(folder: Path) -> None:
     """Raise CorruptAuthorityError if the files are not those of a killed `init`."""
     if not (folder / UNFINISHED_MARK).exists() and (leftovers := _remains(folder)):
         raise model.CorruptAuthorityError(
-            f"{folder} has {leftovers}, but not the ledger: nothing can be issued or revoked without it",
+            f"{folder} has {leftovers}, but no ledger: without it nothing can be issued or revoked",
             hint=f"restore {ledger.FILE} from your backup of the authority",
         )
 
@@ -148,8 +148,8 @@ def _require_same_names(folder: Path, names: model.ServerNames) -> None:
     if server is None or names_of(server) != names:
         server_text = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
         raise UsageError(
-            f"there is an authority in {folder} already, whose server is {server_text}: it is not overwritten",
-            hint="name another folder: authority=DIR",
+            f"{folder} already has an authority, whose server is {server_text}: it is not overwritten",
+            hint="use another folder: authority=DIR",
         )
 
 
@@ -291,7 +291,7 @@ class Authority:
         """Return the names in the server's certificate. Raises CorruptLedgerError."""
         server = self._state().server
         if server is None:
-            raise model.CorruptAuthorityError("the ledger names no server", hint="restore the ledger from a backup")
+            raise model.CorruptAuthorityError("the ledger contains no server", hint="restore the ledger from a backup")
         return names_of(server)
 
     def opening_bytes(self) -> int:
@@ -315,7 +315,7 @@ class Authority:
         facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
         if facts.sha256 != self.membership().crl_sha256:
             raise model.CorruptAuthorityError(
-                f"{model.CRL} (number {facts.number}) is not the list that was recorded last",
+                f"{model.CRL} (number {facts.number}) is not the revocation list that was recorded last",
                 hint="`provision vpn sync --sign` signs a new one",
             )
         return pem
@@ -419,7 +419,7 @@ class Authority:
             }
             if common_name not in good:
                 raise UsageError(
-                    f"`{ascii(common_name)[1:-1][:70]}` is no certificate in use",
+                    f"`{ascii(common_name)[1:-1][:70]}` is not a certificate in use",
                     hint="`provision vpn list` lists them all",
                 )
             record = records.DeliveryRecord(common_name=common_name, path=file.path, sha256=file.sha256)

@@ -51,7 +51,7 @@ def problems(folder: Path, now: datetime) -> Iterator[str]:
         yield f"the authority in {folder} cannot be read: {error}"
         return
     if reading.damage is not None:
-        yield f"{reading.damage}; nothing is signed while it is so"
+        yield f"{reading.damage}; nothing is signed until this is repaired"
     yield from _disagreements(folder, reading, state, ca, _head(folder, reading, state, ca))
     yield from _check_expiry(folder, state, ca, now)
     yield from _check_member_expiry(state, now)
@@ -127,8 +127,8 @@ def _check_unsigned_lines(
     for entry in reading.entries[head.line :]:
         if not isinstance(entry.record, _WITHOUT_KEY):
             yield (
-                f"line {entry.number} of the ledger needs the CA key, and is not signed by it: a command was killed at "
-                "its end, or something else has written it"
+                f"line {entry.number} of the ledger must be signed by the CA key but is not: a command was killed at "
+                "its end, or something else wrote the line"
             )
 
 
@@ -137,13 +137,13 @@ def _check_certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[st
         try:
             certificate = pki.load_cert(model.copy_of(item).decode("ascii"))
         except NetcfgError:
-            yield f"the certificate of {item.common_name} in the ledger is none"
+            yield f"the ledger's entry for {item.common_name} is not a certificate"
             continue
         reply = (item.serial, item.sha256, item.not_before, item.not_after, f"CN={item.common_name}")
         dates = (certificate.not_valid_before_utc, certificate.not_valid_after_utc)
         has = (certificate.serial_number, pki.sha256(certificate), *dates, certificate.subject.rfc4514_string())
         if reply != has or not pki.issued_by(certificate, ca):
-            yield f"the certificate of {item.common_name} in the ledger is not one that this authority has signed so"
+            yield f"the certificate of {item.common_name} in the ledger was not signed like this by this authority"
 
 
 def _check_times(entries: Sequence[LedgerEntry]) -> Iterator[str]:
@@ -157,14 +157,14 @@ def _check_unfinished(folder: Path, state: LedgerState) -> Iterator[str]:
         commands = ", ".join(
             sorted(f"{record.command} {' '.join(record.names[:3])}".strip() for record in state.open.values())
         )
-        yield f"a command did not end ({commands}): the next one that signs puts it in order"
+        yield f"a command was not completed ({commands}): the next one that signs repairs it"
 
 
 def _check_expiry(folder: Path, state: LedgerState, ca: x509.Certificate, now: datetime) -> Iterator[str]:
     if ca.not_valid_after_utc - now < CA_SOON:
-        yield f"the certificate authority ends on {ca.not_valid_after_utc:%Y-%m-%d}: found a new one in time"
+        yield f"the certificate authority expires on {ca.not_valid_after_utc:%Y-%m-%d}: create a new one in time"
     if state.server is not None and state.server.not_after - now < SOON:
-        yield f"the server's certificate ends on {state.server.not_after:%Y-%m-%d}"
+        yield f"the server's certificate expires on {state.server.not_after:%Y-%m-%d}"
     try:
         pem = (folder / model.CRL).read_bytes()
         following = pki.read_crl(pem, ca).next_update
@@ -173,10 +173,10 @@ def _check_expiry(folder: Path, state: LedgerState, ca: x509.Certificate, now: d
     try:
         pki.check_crl(pem, ca, above=None, now=now)
     except pki.InvalidCrlError as error:
-        yield f"{model.CRL} would lock everybody out, or admit the revoked: {error}"
+        yield f"{model.CRL} would lock everybody out, or admit revoked members: {error}"
         return
     if following - now < SOON:
-        yield f"{model.CRL} ends on {following:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
+        yield f"{model.CRL} expires on {following:%Y-%m-%d}; then nobody can connect: provision vpn sync --sign"
 
 
 def _check_server(folder: Path, state: LedgerState) -> Iterator[str]:
@@ -196,7 +196,7 @@ def _check_copies(folder: Path, state: LedgerState) -> Iterator[str]:
     there = {path.name: path for path in sorted((folder / model.CERTS).glob("[!.]*"))}
     for name, path in there.items():
         if name not in recorded_copies:
-            yield f"{model.CERTS}/{name} is not in the record: nobody issued it here, or the ledger is an old copy"
+            yield f"{model.CERTS}/{name} is not in the record: it was not issued here, or the ledger is an old copy"
         elif path.read_bytes() != recorded_copies[name]:
             yield f"{model.CERTS}/{name} is not the certificate that was recorded"
     for name in recorded_copies.keys() - there.keys():
@@ -210,19 +210,19 @@ def _check_crl(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterat
         yield f"{model.CRL} cannot be read: {error.strerror}"
         return
     except pki.InvalidCrlError as error:
-        yield f"{model.CRL} would lock everybody out, or admit the revoked: {error}"
+        yield f"{model.CRL} would lock everybody out, or admit revoked members: {error}"
         return
     membership = state.membership()
     if facts.sha256 != membership.crl_sha256:
         yield (
-            f"{model.CRL} (number {facts.number}) is not the list that was recorded last "
-            f"(number {membership.crl_number})"
+            f"{model.CRL} (number {facts.number}) is not the revocation list that was recorded last (number "
+            f"{membership.crl_number})"
         )
     serials = {revoked_serial.serial for revoked_serial in ledger_session.revoked_serials(state)}
     for serial in sorted(serials - facts.serials):
         yield f"{model.CRL} lacks serial {serial:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):
-        yield f"{model.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
+        yield f"{model.CRL} contains serial {more:x}, which is not revoked in the record: the ledger is an old copy"
 
 
 def _check_member_expiry(state: LedgerState, now: datetime) -> Iterator[str]:

@@ -67,8 +67,8 @@ class LedgerSession:
             return
         if not is_trusted:
             raise model.ClockBehind(
-                f"this computer's clock says {now:%Y-%m-%d %H:%M} UTC, and the last record of the authority is of "
-                f"{last:%Y-%m-%d %H:%M} UTC: what is signed now could be refused, or end too early",
+                f"the clock of this computer says {now:%Y-%m-%d %H:%M} UTC, but the last record of the authority is "
+                f"of {last:%Y-%m-%d %H:%M} UTC: a signature made now could be refused or expire too early",
                 hint="set the clock, then run the same command again; if the clock is right and was wrong before: "
                 "add clock=right",
             )
@@ -99,8 +99,14 @@ def new_operation() -> str:
 
 
 HEAD_FILE = "ledger.head"
-NONE_SIGNED = "nothing says how long the ledger was: an older version founded this authority, and signed no end of it"
-_RESTORE = "sign nothing; restore ledger.jsonl and ledger.head from the newest backup of the authority, both of one"
+NONE_SIGNED = (
+    "the length of the ledger is not recorded: an older version created this authority, and did not sign "
+    "the end of the ledger"
+)
+_RESTORE = (
+    "do not sign anything; restore ledger.jsonl and ledger.head from the newest backup of the authority, "
+    "both from the same one"
+)
 _WHAT = b"head of the record of an ATLANTIS VPN authority\n"
 """Prefix of the signed data: it cannot be mistaken for a certificate or a list."""
 
@@ -128,8 +134,8 @@ class Head:
         on = f"{self.at:%Y-%m-%d %H:%M} UTC"
         if len(digests) < self.line:
             raise model.CorruptAuthorityError(
-                f"the ledger has {len(digests)} lines, and {self.line} were signed on {on}: its end is missing, or it "
-                "is an old copy",
+                f"the ledger has {len(digests)} lines, but {self.line} were signed on {on}: its end is missing, or "
+                "it is an old copy",
                 hint=_RESTORE,
             )
         if self.line and digests[self.line - 1] != self.digest:
@@ -165,7 +171,7 @@ def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
             if state.founded is not None and not state.founded.heads:
                 return _NONE
             raise model.CorruptAuthorityError(
-                f"{HEAD_FILE} is missing: nothing says how long the ledger was", hint=_RESTORE
+                f"{HEAD_FILE} is missing: the length of the ledger is not known", hint=_RESTORE
             ) from None
     try:
         key = ca.public_key()
@@ -274,7 +280,7 @@ class SigningSession:
 
         Problems are detected from the files, not remembered, since this command may be killed as well.
         """
-        with model.os_errors_as("the authority cannot be put in order"):
+        with model.os_errors_as("the authority cannot be repaired"):
             if was_killed or self.ledger.state.open:
                 model.sweep(self.folder)
             model.folders(self.folder)
@@ -383,12 +389,12 @@ def beyond_record(folder: Path, state: LedgerState, ca: x509.Certificate, pem: b
         certificate.common_name for _, certificate in membership.certificates() if certificate.serial in unknown_serials
     )
     last = membership.crl_number
-    text = f"its list of revoked certificates is number {there.number}, and the record's last one is {last}"
+    text = f"its revocation list has number {there.number}, but the last one in the record is {last}"
     if there.number == last:
-        text = f"its list of revoked certificates is number {there.number} as the record's last one, and another one"
+        text = f"its revocation list has number {there.number} like the last one in the record, but a different content"
     more = [f"it revokes {', '.join(good)}"] if good else []
     if strange := len(unknown_serials) - len(good):
-        more.append(f"it revokes {strange} that the record has never issued")
+        more.append(f"it revokes {strange}, never issued in the record")
     return "; ".join([text, *more])
 
 

@@ -178,7 +178,7 @@ def os_errors_as(what: str) -> Iterator[None]:
         where = f" ({error.filename})" if error.filename else ""
         raise AuthorityError(
             f"{what}: {error.strerror or error}{where}",
-            hint="make room on the disk or correct its permissions, then run the same command again",
+            hint="free disk space or correct the permissions, then run the same command again",
         ) from error
 
 
@@ -279,11 +279,11 @@ class Lock:
         while not _try_lock(self._descriptor, fcntl.LOCK_EX):
             if time.monotonic() >= until:
                 raise AuthorityBusy(
-                    f"the authority is being worked on by {self._holder()}, and was not free within {PATIENCE_S:.0f} s",
+                    f"the authority is locked by {self._holder()}, and was not released within {PATIENCE_S:.0f} s",
                     hint="wait until that command has ended, then run the same command again",
                 )
             if not is_reported and self._waiting is not None:
-                self._waiting(f"waiting for {self._holder()}, who works on the authority")
+                self._waiting(f"waiting for {self._holder()}, who is working on the authority")
             is_reported = True
             time.sleep(_PAUSE_S)
 

@@ -40,7 +40,7 @@ class AddressPool:
 
     def __init__(self, membership: identity.MembershipList, reserved_addresses: Collection[IPv4Address] = ()) -> None:
         queued_names = set(membership.queued_names)
-        self._used: dict[IPv4Address, str] = dict.fromkeys(reserved_addresses, "the declaration")
+        self._used: dict[IPv4Address, str] = dict.fromkeys(reserved_addresses, "the inventory")
         self._resting: dict[IPv4Address, datetime] = {}
         for member in membership.members.values():
             since = _out_since(member, queued_names)
@@ -59,7 +59,7 @@ class AddressPool:
         """Assign an address of the inventory. Raises AddressTaken."""
         if pool is not None and not _usable(address, pool):
             raise model.AddressTaken(
-                f"{address} of `{name}` is no device's address of {pool}", hint=f"take one inside {pool}"
+                f"{address} of `{name}` is not a device address in {pool}", hint=f"use one inside {pool}"
             )
         if (holder := self._used.get(address)) is not None:
             raise model.AddressTaken(
@@ -77,7 +77,7 @@ class AddressPool:
         if not resting_addresses:
             raise model.PoolFull(
                 f"no address is left for `{name}` in {pool}",
-                hint="declare a larger pool for the partner, or revoke devices that are no longer used",
+                hint="set a larger pool for the partner, or revoke devices that are no longer used",
             )
         return self.reserve(min(resting_addresses, key=self._resting.__getitem__), pool, name)
 
@@ -145,8 +145,8 @@ def plan_renewal(member: identity.Member, change: model.RenewalRequest) -> Plann
     """Plan the successor of a member's certificate. Raises UsageError."""
     if not member.good:
         raise errors.UsageError(
-            f"`{member.name}` was revoked: it gets no certificate any more",
-            hint="onboard the device under another name",
+            f"`{member.name}` was revoked: it cannot get a new certificate",
+            hint="add the device under another name",
         )
     newest = member.good[-1]
     in_use = next(
@@ -189,8 +189,8 @@ def _find_member(membership: identity.MembershipList, request: model.EnrolmentRe
         _same(request, member)
     elif any(certificate.reason != NEVER_HANDED_OUT for certificate in member.certificates):
         raise names.NameTaken(
-            f"`{member.name}` was revoked: {member.certificates[-1].reason}. Names never return",
-            hint=f"device={request.device}-2, for instance",
+            f"`{member.name}` was revoked: {member.certificates[-1].reason}. Names cannot be used again",
+            hint=f"for example device={request.device}-2",
         )
     return member
 
@@ -210,7 +210,7 @@ def _check_request_name(request: model.EnrolmentRequest) -> None:
     printable_text(request.request_id, "the request's number")
     if request.address is None and request.pool is None:
         raise errors.UsageError(
-            f"`{request.name}` has neither an address nor a pool to take one from", hint="declare its pool"
+            f"`{request.name}` has neither an address nor a pool to take one from", hint="set its pool"
         )
 
 
@@ -229,11 +229,14 @@ def _same(request: model.EnrolmentRequest, member: identity.Member) -> None:
     )
     other = [f"{word} is {has}, not {new_value}" for word, has, new_value in pairs if has != new_value]
     if request.pool is not None and member.address not in request.pool:
-        other.append(f"its address {member.address} is outside of {request.pool}")
+        other.append(f"its address {member.address} is outside {request.pool}")
     if other:
         raise model.OtherMember(
-            f"`{member.name}` is in the VPN already, and otherwise: {'; '.join(other)}",
-            hint=f"`provision vpn renew name={member.name}` changes link, wrap, key and system; else take another name",
+            f"`{member.name}` is already in the VPN, with other settings: {'; '.join(other)}",
+            hint=(
+                f"`provision vpn renew name={member.name}` changes link, wrap, key and system; otherwise use "
+                "another name"
+            ),
         )
 
 
@@ -284,14 +287,14 @@ def _next_name(member: identity.Member) -> str:
 def _refuse_repeated(request_names: list[str]) -> None:
     counts = Counter(request_names)
     if twice := next((name for name, count in counts.items() if count > 1), None):
-        raise errors.UsageError(f"`{twice}` is listed twice", hint="leave one of them out")
+        raise errors.UsageError(f"`{twice}` is here twice", hint="remove one of them")
 
 
 def printable_text(message: str, what: str) -> str:
     """Check that a user's text is printable, short and on one line. Raises UsageError."""
     if not message.isprintable() or len(message) > _TEXT:
         raise errors.UsageError(
-            f"{what} is no short text in one line: {ascii(message)[:_TEXT]}", hint="write a word or two"
+            f"{what} must be a short text on one line: {ascii(message)[:_TEXT]}", hint="write a word or two"
         )
     return message
 
@@ -353,7 +356,7 @@ def _issue_batch(
         with model.os_errors_as("the certificates cannot be written"):
             model.restore_copies(session.folder, [item.record for item in certificates])
         for item in certificates:
-            with model.os_errors_as(f"what `{item.plan.member.name}` gets cannot be written"):
+            with model.os_errors_as(f"the enrolment package of `{item.plan.member.name}` cannot be written"):
                 file = deliver(_identity(session, item))
             new_records.extend(_delivery_records(item.plan, file))
     finally:
@@ -420,7 +423,7 @@ def _identity(session: ledger_session.SigningSession, new_certificate: _MadeCert
 
 
 SUPERSEDED_REASON = "superseded"
-LOST_COPY_REASON = "revoked by the server's list, which a copy of the authority has signed that is lost"
+LOST_COPY_REASON = "revoked by the server's revocation list, signed by a lost copy of the authority"
 
 
 class Signer:
@@ -476,9 +479,7 @@ class Signer:
         membership = self.membership
         members = [known_member(membership, name) for name in dict.fromkeys(names)]
         if not members:
-            raise errors.UsageError(
-                "nobody was named whose certificates are to be revoked", hint="`provision vpn list` lists them all"
-            )
+            raise errors.UsageError("no member to revoke was given", hint="`provision vpn list` lists them all")
         why = printable_text(reason, "the reason") or "no reason was given"
         certificate_groups = [_revocable(member) for member in members]
         if any(certificate_groups):

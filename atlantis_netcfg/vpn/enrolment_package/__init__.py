@@ -50,7 +50,9 @@ class InvalidPackage(UsageError):
     """A file is not an enrolment package of ours, or is damaged."""
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"this is no hand-out of the VPN: {what}", hint="ask the control centre for a new one")
+        super().__init__(
+            f"this is not an enrolment package of the VPN: {what}", hint="ask the control centre for a new one"
+        )
 
 
 def pack(folder: str, files: Mapping[str, str], mtime: int) -> bytes:
@@ -65,7 +67,7 @@ def pack(folder: str, files: Mapping[str, str], mtime: int) -> bytes:
             data = text.encode()
             entry = tarfile.TarInfo(f"{folder}/{name}")
             if _NAME.fullmatch(entry.name) is None:
-                raise ValueError(f"not a name for a hand-out: {entry.name!r}")
+                raise ValueError(f"not a name for an enrolment package: {entry.name!r}")
             entry.size, entry.mtime, entry.mode = len(data), mtime, _PRIVATE
             archive.addfile(entry, io.BytesIO(data))
     return buffer.getvalue()
@@ -79,7 +81,7 @@ def unpack(data: bytes) -> dict[str, str]:
         with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as archive:
             return _texts(archive)
     except (tarfile.TarError, UnicodeDecodeError, ValueError, OSError):
-        raise InvalidPackage("what it contains cannot be read") from None
+        raise InvalidPackage("its content cannot be read") from None
 
 
 def _texts(archive: tarfile.TarFile) -> dict[str, str]:
@@ -134,7 +136,7 @@ def unseal(data: bytes, secret: Secret) -> bytes:
     try:
         return pki.unseal_with(data, secret) if by_key else pki.unseal(data, _as_made(secret))
     except pki.CorruptSealError:
-        raise InvalidPackage("it is not sealed, or was damaged on its way") from None
+        raise InvalidPackage("it is not sealed, or was damaged on the way") from None
     except pki.WrongPassphrase:
         raise WrongKey(by_key=by_key) from None
 
@@ -144,7 +146,9 @@ class WrongKey(UsageError):
 
     def __init__(self, *, by_key: bool) -> None:
         super().__init__(
-            "this key does not open the hand-out" if by_key else "this passphrase does not open the hand-out",
+            "this key does not open the enrolment package"
+            if by_key
+            else "this passphrase does not open the enrolment package",
             hint="use the key that the control centre was given"
             if by_key
             else f"it has {_GROUPS} groups of {_DIGITS} digits: ask the control centre to read it out again",
@@ -167,19 +171,19 @@ def _as_made(passphrase: Secret) -> Secret:
 
 _CONTACT_MAX = 200
 _WHAT = {
-    ".ovpn": "the profile, with the private key; for nobody else",
-    ".identity": "certificates and keys; for nobody else",
-    ".rsc": "what the router runs to take the profile",
+    ".ovpn": "the profile, with the private key: keep it secret",
+    ".identity": "certificates and keys: keep them secret",
+    ".rsc": "what the router runs to import the profile",
     "README.txt": "this page",
     "README.html": "the same for a browser",
-    "install.sh": "does on the robot what this page says, and may be typed again",
-    "restart.conf": "starts the tunnel again whatever ended it",
-    "self-test.py": "tells whether the device is in the VPN, and if not, why",
+    "install.sh": "performs the steps of this page on the robot, and can be repeated",
+    "restart.conf": "restarts the tunnel whenever it ends",
+    "self-test.py": "shows whether the device is in the VPN, and if not, why",
     "self-test.ps1": "the same for Windows PowerShell",
-    "self-test.json": "what the test compares with; no secret is in it",
+    "self-test.json": "the reference data of the test; it contains no secret",
     "cyclonedds.xml": "the profile of Cyclone DDS",
     "fastdds.xml": "the profile of Fast DDS",
-    "ros.env": "the environment of ROS 2 programs, for services of systemd",
+    "ros.env": "the environment of ROS 2 programs, for systemd services",
     "setup.bash": "the same for shells",
     "setup.ps1": "the same for PowerShell",
 }
@@ -228,8 +232,8 @@ def contents(inventory: Inventory, identity: Identity, *, contact: str) -> dict[
     """Return the files of an enrolment package before sealing, the one with the key first. They contain secrets."""
     if not contact.strip() or not contact.isprintable() or len(contact) > _CONTACT_MAX:
         raise UsageError(
-            f"whom a partner calls has to be one line of at most {_CONTACT_MAX} characters",
-            hint="for example a name, a telephone number and a mail address",
+            f"the contact for a partner must be one line of at most {_CONTACT_MAX} characters",
+            hint="for example a name, a telephone number and an e-mail address",
         )
     local = _key_files(inventory, identity)
     names = (*local, "README.txt", "README.html", *_extra_files(inventory, identity.member))
@@ -343,7 +347,7 @@ def accept(inventory: Inventory, data: bytes, secret: Secret, authority: Path, *
 def _identity(files: dict[str, str]) -> Identity:
     profile_texts = [text for name, text in files.items() if name.endswith(_ENDING)]
     if len(profile_texts) != 1:
-        raise InvalidPackage("it is for a partner's device, and not for a computer of the inventory")
+        raise InvalidPackage("it is for a partner's device, not for a computer of the inventory")
     return read_identity(profile_texts[0])
 
 
@@ -352,18 +356,19 @@ def _check_identity(inventory: Inventory, identity: Identity, now: datetime) -> 
     host = inventory.hosts.get(member.name)
     if host is None or member.partner is not None:
         raise UsageError(
-            f"the hand-out is for {member.name}, which is no host of this inventory",
-            hint="take the inventory of the pilot that it was made for",
+            f"the enrolment package is for {member.name}, which is not a host of this inventory",
+            hint="use the inventory of the pilot that it was made for",
         )
     if (expected_address := _tunnel_address(host)) != member.address:
         raise UsageError(
-            f"the hand-out gives {member.name} the address {member.address}; the inventory declares {expected_address}",
-            hint="take the newest inventory, or ask for a new hand-out",
+            f"the enrolment package gives {member.name} the address {member.address}, but the inventory has "
+            f"{expected_address}",
+            hint="use the newest inventory, or ask for a new enrolment package",
         )
     if now > certificate.not_after:
         raise UsageError(
-            f"the certificate of {member.name} has expired on {certificate.not_after:%Y-%m-%d}",
-            hint="look at this computer's clock, or ask the control centre to renew it",
+            f"the certificate of {member.name} expired on {certificate.not_after:%Y-%m-%d}",
+            hint="check the clock of this computer, or ask the control centre to renew the certificate",
         )
 
 
@@ -382,7 +387,7 @@ def _is_stored(path: Path, identity: Identity) -> bool:
         return False
     if there.not_before > identity.certificate.not_before:
         raise UsageError(
-            f"a newer identity of {identity.member.name} is there already: {path}",
-            hint="use the newest hand-out; to go back to this one, move that file away first",
+            f"a newer identity of {identity.member.name} already exists: {path}",
+            hint="use the newest enrolment package; to go back to this one, move that file away first",
         )
     return there == identity.certificate

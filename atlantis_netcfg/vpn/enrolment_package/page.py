@@ -40,8 +40,8 @@ _NAMES = {
     "p_control_centres": "the control centre",
     "p_site_gateways": "the gateways of the sites",
     _OURS: "the pilot's own computers and its technicians",
-    "p_site_lans": "whatever stands in the LANs of the sites",
-    "p_guest_devices": "the devices of partners, and whatever stands in the LANs of the sites",
+    "p_site_lans": "everything in the LANs of the sites",
+    "p_guest_devices": "the devices of partners, and everything in the LANs of the sites",
     "p_all_robots": "the robots, in the VPN and in the LANs of the sites",
 }
 """Descriptions of other groups by their set in the firewall; a group not listed here provides services."""
@@ -110,7 +110,7 @@ def _reach(inventory: Inventory, member: Member, permissions: list[Permission]) 
     ping = any(item.traffic in (PING, ANYTHING) for item in permissions)
     if zone is None:
         server = _policy(inventory, member).server
-        return ReachableGroup("the VPN's server", ((server.name, server.address),), traffic, ping=ping)
+        return ReachableGroup("the VPN server", ((server.name, server.address),), traffic, ping=ping)
     hosts = () if zone.name == _OURS else tuple(_hosts(inventory, zone))
     who = _who(inventory, member, zone)
     return ReachableGroup(who, hosts, traffic, ping=ping) if who else None

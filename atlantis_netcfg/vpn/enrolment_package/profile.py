@@ -57,7 +57,7 @@ class NotAnIdentity(UsageError):
     """The text is not an identity of ours, or is incomplete."""
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"this is no identity of the VPN: {what}", hint="ask the control centre for a new hand-out")
+        super().__init__(f"not a VPN identity: {what}", hint="ask the control centre for a new enrolment package")
 
 
 def identity_file(identity: Identity) -> Secret:
@@ -92,7 +92,7 @@ def read_identity(text: str) -> Identity:
         return _identity(values, {name: _block(text, name) for name in ("ca", "cert", "key", values["wrap"])})
     except ValueError as error:
         # `from None`: a parser's words about a key are not shown to anybody.
-        raise NotAnIdentity(str(error) if isinstance(error, _Misfit) else "a value in it cannot be read") from None
+        raise NotAnIdentity(str(error) if isinstance(error, _Misfit) else "it contains an invalid value") from None
 
 
 class _Misfit(ValueError):
@@ -102,21 +102,21 @@ class _Misfit(ValueError):
 def _header_values(text: str) -> dict[str, str]:
     lines = text.split("\n")
     if lines.count(_MARK) != 1:
-        raise NotAnIdentity(f"it has no line `{_MARK}`")
+        raise NotAnIdentity(f"the line `{_MARK}` is missing")
     start = lines.index(_MARK) + 1
     matches = [_HEADER_LINE.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
     values = {item[1]: item[2] for item in matches if item}
     if tuple(values) != _KEYS:
-        raise NotAnIdentity("the lines at its beginning are not whole")
+        raise NotAnIdentity("its header is incomplete")
     if values["wrap"] not in set(Wrap):
-        raise NotAnIdentity("how its control channel is wrapped is not known")
+        raise NotAnIdentity("the protection of its control channel is unknown")
     return values
 
 
 def _block(text: str, name: str) -> str:
     blocks = re.findall(rf"^<{name}>\n(.*?)\n</{name}>$", text.replace("\r\n", "\n"), re.DOTALL | re.MULTILINE)
     if len(blocks) != 1:
-        raise NotAnIdentity(f"the block <{name}> is there {len(blocks)} times")
+        raise NotAnIdentity(f"it contains the block <{name}> {len(blocks)} times")
     return f"{blocks[0]}\n"
 
 
@@ -168,15 +168,15 @@ def _fit(certificate: x509.Certificate, values: Mapping[str, str], blocks: Mappi
         for name_attribute in certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
     ]
     if names != [values["common-name"]] or values["common-name"].partition(".")[0] != values["name"]:
-        raise _Misfit("its certificate has another name than its first lines")
+        raise _Misfit("the name in its certificate differs from the one in its header")
     key = load_pem_private_key(blocks["key"].encode(), password=None)
     form = (Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
     if key.public_key().public_bytes(*form) != certificate.public_key().public_bytes(*form):
-        raise _Misfit("its key belongs to another certificate")
+        raise _Misfit("its key does not match its certificate")
     try:
         certificate.verify_directly_issued_by(x509.load_pem_x509_certificate(blocks["ca"].encode()))
     except Exception as error:
-        raise _Misfit("its certificate is of another CA") from error
+        raise _Misfit("its certificate was issued by another CA") from error
 
 
 _RETRY_MAX_S = {MemberLink.FIBRE: 300, MemberLink.LTE: 300, MemberLink.SATELLITE: 900}

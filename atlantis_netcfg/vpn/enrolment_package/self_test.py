@@ -33,78 +33,79 @@ class SelfTestFault(NamedTuple):
 FAULTS = (
     SelfTestFault(
         r"Unrecognized option or missing",
-        "this OpenVPN does not know a word of the profile: {line}",
-        "Install OpenVPN 2.5 or later. Where that cannot be, ask for a hand-out for OpenVPN 2.4.",
+        "this OpenVPN does not support a line of the profile: {line}",
+        "Install OpenVPN 2.5 or later. If that is not possible, request an enrolment package for OpenVPN 2.4.",
     ),
     SelfTestFault(
         r"Cannot open TUN/TAP dev|Cannot ioctl TUNSETIFF|/dev/net/tun",
-        "this computer gives OpenVPN no tunnel device",
-        "Run the test as root. In a container or virtual machine its administrator has to allow /dev/net/tun.",
+        "OpenVPN cannot open a tunnel device on this computer",
+        "Run the test as root. In a container or virtual machine, the administrator must allow /dev/net/tun.",
     ),
     SelfTestFault(
         r"certificate is not yet valid",
-        "by this computer's clock ({now}) the control centre's certificate is not yet valid: the clock is behind",
-        "Set the clock, then run the test again.",
+        "the control centre's certificate is not yet valid according to this computer's clock ({now}): the clock is "
+        "behind",
+        "Set the clock and run the test again.",
     ),
     SelfTestFault(
         r"certificate has expired",
-        "by this computer's clock ({now}) the control centre's certificate has expired",
-        "Look whether the clock is right. If it is, tell the control centre.",
+        "the control centre's certificate has expired according to this computer's clock ({now})",
+        "Check the clock. If it is right, tell the control centre.",
     ),
     SelfTestFault(
         r"VERIFY (X509NAME )?ERROR|VERIFY KU ERROR|VERIFY EKU ERROR",
-        "what answers at {endpoint} does not show the certificate of the control centre's server",
-        "Do not use this network for the VPN, and tell the control centre what network it is.",
+        "the server at {endpoint} does not present the control centre's certificate",
+        "Do not use this network for the VPN. Tell the control centre which network it is.",
     ),
     SelfTestFault(
         r"AUTH_FAILED",
-        "the control centre does not admit this device's certificate",
-        "Most often it was revoked, or a newer one is in use. Use your newest hand-out. If this is the newest, ask the "
-        "control centre.",
+        "the control centre does not accept this device's certificate",
+        "Usually it was revoked, or a newer one is in use. Use your newest enrolment package. If this is the "
+        "newest, ask the control centre.",
     ),
     SelfTestFault(
         r"server-pushed-halt|Received control message: HALT",
-        "the control centre has just ended this device's session",
+        "the control centre has just closed this device's session",
         "Ask the control centre.",
     ),
     SelfTestFault(
         r"ECONNREFUSED|Connection refused",
-        "what is sent to {endpoint} is refused at once: nobody listens there, or a firewall refuses it",
-        "From here it cannot be told which. Try again in some minutes, then from another network, then tell the "
-        "control centre.",
+        "{endpoint} refuses the connection: no server listens there, or a firewall rejects the packets",
+        "The test cannot tell which. Try again in a few minutes, then from another network, then tell the control "
+        "centre.",
     ),
     SelfTestFault(
         r"Network is unreachable|No route to host|ENETUNREACH|EHOSTUNREACH",
-        "this computer has no way to {endpoint}",
-        "Connect it to the internet, then run the test again.",
+        "this computer has no route to {endpoint}",
+        "Connect it to the internet and run the test again.",
     ),
     SelfTestFault(
         r"write UDP.*(Operation not permitted|Permission denied)|EPERM",
-        "a firewall on this computer forbids what the VPN sends",
+        "a firewall on this computer blocks the VPN's packets",
         "Allow {proto} to {endpoint}.",
     ),
     SelfTestFault(
         r"Cannot load|no start line|PEM_read|Insufficient key material|tls-crypt-v2 .*(error|fail)",
         "the profile is damaged: {line}",
-        "Unpack the hand-out again. If that does not help, ask for a new one.",
+        "Unpack the enrolment package again. If that does not help, request a new one.",
     ),
 )
 REFUSAL = (
-    "a first answer came from {endpoint}, and then nothing more",
+    "{endpoint} sent a first response and then nothing more",
     (
-        "Most often the server does not take this device's certificate: it was revoked or has expired, or one of the "
-        "two clocks is wrong. Look at this computer's ({now}). A network that loses large packets looks the same: try "
-        "another one. Then ask the control centre."
+        "Usually the server rejects this device's certificate: it was revoked or has expired, or one of the two "
+        "clocks is wrong. Check this computer's clock ({now}). A network that drops large packets looks the "
+        "same: try another network. Then ask the control centre."
     ),
 )
 """Problem and correction if only a first reply came: the wrapping key is right, and the route is open."""
 SILENCE = (
-    "nothing comes back from {endpoint}",
+    "{endpoint} does not respond",
     (
-        "From here it cannot be told which it is: the network that you are in lets no {proto} to {endpoint} pass, or "
-        "the control centre's server or its line is down, or it has another key (tls-crypt) than your profile. Try "
-        "from another network, such as a telephone's. If it works there, ask the first one's administrator to allow "
-        "{proto} to {endpoint}. If not, ask the control centre, and whether you need a new hand-out."
+        "The test cannot tell why: this network may block {proto} to {endpoint}, the control centre's server or "
+        "its internet link may be down, or its key (tls-crypt) differs from your profile's. Try from another "
+        "network, such as a telephone's. If it works there, ask the first network's administrator to allow "
+        "{proto} to {endpoint}. If not, ask the control centre whether you need a new enrolment package."
     ),
 )
 """Problem and correction if no reply came."""

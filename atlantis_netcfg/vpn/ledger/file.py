@@ -82,17 +82,17 @@ def parse(line: bytes, number: int, previous: str) -> LedgerEntry:
     """Parse a line without its end. Raises Misread."""
     body = line[:-_SEAL]
     if line != body + b',"crc":"%08x"}' % crc32(body):
-        raise Misread("its checksum is wrong: it was changed, or the disk has lost a part of it")
+        raise Misread("its checksum is wrong: it was changed, or the disk has lost part of it")
     data = _json(line)
     if data.pop("line") != number:
         raise Misread("lines before it are missing or out of order")
     if data.pop("previous") != previous:
-        raise Misread("the line before it is not the one that it was written after")
+        raise Misread("it does not continue the line before it")
     try:
         head = (datetime.fromisoformat(data.pop("at")), str(data.pop("who")), str(data.pop("operation")))
         return LedgerEntry(number, *head, _RECORDS.validate_python(data))
     except (ValueError, ValidationError, KeyError, TypeError):
-        raise Misread("this version of the toolkit does not know what it says") from None
+        raise Misread("this version of the toolkit does not know its type") from None
 
 
 def _json(line: bytes) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def _json(line: bytes) -> dict[str, Any]:
     except ValueError:
         data = None
     if not isinstance(data, dict) or not {"line", "previous"} <= data.keys():
-        raise Misread("it is no line of a ledger")
+        raise Misread("it is not a ledger record")
     return data
 
 
@@ -150,7 +150,7 @@ class Reading:
         if self.damage is not None:
             raise CorruptLedgerError(
                 f"{self.damage} ({self.path})",
-                hint="sign nothing; put the ledger of the last backup beside this one, and compare them line by line",
+                hint="sign nothing; compare this ledger line by line with the one in the last backup",
             )
         return self
 
@@ -239,5 +239,5 @@ def _one_line(who: str) -> str:
 def _build_error(what: str, path: Path, error: OSError) -> LedgerError:
     return LedgerError(
         f"the ledger cannot be {what}: {error.strerror or error} ({path})",
-        hint="make room on the disk or correct its permissions, then run the same command again",
+        hint="free disk space or correct the permissions, then run the same command again",
     )

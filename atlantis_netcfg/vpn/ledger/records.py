@@ -208,8 +208,8 @@ _COMMANDS = {
     "issue": "onboarding of {} began",
     "renew": "renewal of {} began",
     "revoke": "revocation of {} began",
-    "publish": "a new revocation list was asked for",
-    "serve": "a new certificate of the server was asked for",
+    "publish": "a new revocation list was requested",
+    "serve": "a new server certificate was requested",
 }
 _MAX_NAMES = 3
 """Maximum names listed; the others are counted."""
@@ -233,21 +233,18 @@ def _command_text(record: BeginRecord | CommitRecord | RolledBack) -> str:
         case BeginRecord():
             return _COMMANDS[record.command].format(_join_names(record.names))
         case CommitRecord():
-            return "the command is complete"
+            return "command completed"
         case RolledBack(common_names=()):
-            return "the command was not completed; nothing of it had left that is not recorded"
+            return "command not completed; everything that it had handed out is recorded"
         case RolledBack():
-            return (
-                f"the command was not completed: {_join_names(record.common_names)} was never handed out, "
-                "and is revoked"
-            )
+            return f"command not completed: {_join_names(record.common_names)} was never handed out and is revoked"
 
 
 def _certificate_text(record: IssueRecord | DeliveryRecord | RevocationRecord | TakeoverRecord) -> str:
     match record:
         case IssueRecord():
             whose = f"partner {record.partner}" if record.partner else "the pilot"
-            until = f"good until {_day(record.not_after)}, serial {record.serial:x}"
+            until = f"valid until {_day(record.not_after)}, serial {record.serial:x}"
             return f"{record.common_name} issued: {record.device_kind} of {whose}, {record.address}, {until}"
         case DeliveryRecord():
             return f"{record.common_name} handed out: {record.path} (SHA-256 {record.sha256})"
@@ -255,7 +252,7 @@ def _certificate_text(record: IssueRecord | DeliveryRecord | RevocationRecord | 
             return f"{record.common_name} revoked: {record.reason}"
         case TakeoverRecord():
             serials = _join_names(tuple(f"{serial:x}" for serial in record.serials))
-            return f"taken over from the server's list, issued by a copy of the authority that is lost: {serials}"
+            return f"taken over from the server's revocation list (issued by a lost copy of the authority): {serials}"
 
 
 def _server_text(record: SightingRecord | SupersedeRecord | SettlementRecord) -> str:
@@ -263,9 +260,9 @@ def _server_text(record: SightingRecord | SupersedeRecord | SettlementRecord) ->
         case SightingRecord():
             return f"{record.common_name} was connected, last at {record.last:%Y-%m-%d %H:%M} UTC"
         case SupersedeRecord():
-            return f"{record.common_name} superseded: {record.by} was seen in use"
+            return f"{record.common_name} superseded: {record.by} is in use"
         case SettlementRecord():
-            return f"the server confirmed that {record.common_name} is out"
+            return f"the server confirmed that {record.common_name} is locked out"
 
 
 def _authority_text(
@@ -273,18 +270,19 @@ def _authority_text(
 ) -> str:
     match record:
         case FoundingRecord():
-            return f"authority {record.ca_common_name} founded, good until {_day(record.ca_not_after)}"
+            return f"authority {record.ca_common_name} created, valid until {_day(record.ca_not_after)}"
         case ServerIssueRecord():
             names = ", ".join((*record.dns, *map(str, record.addresses)))
-            return f"server certificate {record.common_name} issued for {names}, good until {_day(record.not_after)}"
+            return f"server certificate {record.common_name} issued for {names}, valid until {_day(record.not_after)}"
         case PublicationRecord():
-            current = f"{record.revoked} revoked, good until {_day(record.next_update)}"
+            current = f"{record.revoked} revoked, valid until {_day(record.next_update)}"
             return f"revocation list {record.number} signed: {current}"
         case ResealRecord():
-            return f"the CA key was put under another passphrase ({record.sealed_by})"
+            return f"the passphrase of the CA key was changed ({record.sealed_by})"
         case ClockTrustRecord():
             return (
-                f"the clock was said to be right, although the record before is of {record.before:%Y-%m-%d %H:%M} UTC"
+                "the clock was confirmed as right, although the previous record is dated "
+                f"{record.before:%Y-%m-%d %H:%M} UTC"
             )
 
 

@@ -66,7 +66,7 @@ class LedgerState:
             step(entry, entry.record)
         except KeyError as unknown:
             raise CorruptLedgerError(
-                f"line {entry.number} of the ledger is about {unknown}, which was never issued",
+                f"line {entry.number} of the ledger refers to {unknown}, which was never issued",
                 hint="sign nothing; restore the ledger from your backup of the authority",
             ) from None
 
@@ -150,7 +150,7 @@ class LedgerState:
 
     def _superseded(self, entry: LedgerEntry, record: records.SupersedeRecord) -> None:
         if self._good(record.common_name):
-            reason = f"{record.by} was seen in use"
+            reason = f"{record.by} is in use"
             self._update_certificate(
                 record.common_name, standing=identity.CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason
             )

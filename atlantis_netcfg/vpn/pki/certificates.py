@@ -58,7 +58,7 @@ def new_ca(name: str, now: datetime, kind: KeyType = KeyType.EC) -> Ca:
     """Create a CA for ten years, which may sign device certificates and revocation lists, but no further CA."""
     if _CA_NAME.fullmatch(name) is None:
         raise keys.InvalidCertificateError(
-            f"no name for a certificate authority: {name!r}", hint="use letters, digits and -"
+            f"{name!r} is not a valid name for a certificate authority", hint="use letters, digits and -"
         )
     key = keys.new_key(kind)
     public, subject = key.public_key(), _subject(name)
@@ -80,7 +80,7 @@ def load_ca(certificate: str, key: Secret) -> Ca:
     ca = Ca(load_cert(certificate), keys.load_key(key))
     if ca.certificate.public_key() != ca.key.public_key():
         raise keys.CorruptKeyError(
-            "the CA's key is not the key of the CA's certificate",
+            "the CA key does not match the CA certificate",
             hint="restore both files from the same backup of the authority",
         )
     return ca
@@ -135,9 +135,7 @@ def load_cert(pem: str) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(pem.encode())
     except (ValueError, x509.InvalidVersion):
-        raise keys.CorruptKeyError(
-            "this is no certificate", hint="restore it from your backup of the authority"
-        ) from None
+        raise keys.CorruptKeyError("not a certificate", hint="restore it from your backup of the authority") from None
 
 
 def sha256(certificate: x509.Certificate) -> str:
@@ -158,10 +156,12 @@ def _builder(  # noqa: PLR0913, PLR0917 - as above
     ca: Ca, public_key: keys.PublicKey, common_name: str, serial: int, now: datetime, span: tuple[timedelta, timedelta]
 ) -> x509.CertificateBuilder:
     if _COMMON_NAME.fullmatch(common_name) is None:
-        raise keys.InvalidCertificateError(f"no name for a certificate: {common_name!r}", hint="use a-z, 0-9 and -")
+        raise keys.InvalidCertificateError(
+            f"{common_name!r} is not a valid name for a certificate", hint="use a-z, 0-9 and -"
+        )
     if not 0 < serial < 1 << 159:
         raise keys.InvalidCertificateError(
-            "a serial number has 1 to 159 bits", hint="this is our fault: please report it"
+            "a serial number must have 1 to 159 bits", hint="this is a bug: please report it"
         )
     start, end = _dates(ca.certificate, now, *span)
     identifier = ca.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
@@ -178,17 +178,17 @@ def _dates(ca: x509.Certificate, now: datetime, before: timedelta, after: timede
     now = _whole(now)
     first, last = ca.not_valid_before_utc, ca.not_valid_after_utc
     if after < timedelta(days=1):
-        raise keys.InvalidCertificateError("a certificate is good for at least one day", hint="days=397")
+        raise keys.InvalidCertificateError("a certificate must be valid for at least one day", hint="days=397")
     if not first <= now < last:
         raise keys.InvalidCertificateError(
-            f"the certificate authority is good from {first:%Y-%m-%d} to {last:%Y-%m-%d}, and this computer's date is "
-            f"{now:%Y-%m-%d}",
-            hint="set this computer's clock right; after its end a new authority is needed",
+            f"the certificate authority is valid from {first:%Y-%m-%d} to {last:%Y-%m-%d}, but this computer's date "
+            f"is {now:%Y-%m-%d}",
+            hint="set this computer's clock; if the authority has expired, create a new one",
         )
     if now + after > last:
         raise keys.InvalidCertificateError(
             f"a certificate for {after.days} days would outlive the certificate authority ({last:%Y-%m-%d})",
-            hint=f"days={(last - now).days}, or make a new authority",
+            hint=f"use days={(last - now).days}, or create a new authority",
         )
     return max(now - before, first), now + after
 
@@ -281,11 +281,13 @@ def check_crl(pem: bytes, ca_certificate: x509.Certificate, *, above: int | None
     """
     facts = read_crl(pem, ca_certificate)
     if above is not None and facts.number <= above:
-        _refuse(f"its number is {facts.number}, and number {above} was published already")
+        _refuse(f"its number is {facts.number}, but number {above} was already published")
     if facts.this_update > now:
-        _refuse(f"it is not valid before {facts.this_update:%Y-%m-%d %H:%M} UTC, and now it is {_format_time(now)}")
+        _refuse(
+            f"it is not valid before {facts.this_update:%Y-%m-%d %H:%M} UTC, and the time is now {_format_time(now)}"
+        )
     if facts.next_update <= now:
-        _refuse(f"it has expired on {facts.next_update:%Y-%m-%d %H:%M} UTC, and now it is {_format_time(now)}")
+        _refuse(f"it expired on {facts.next_update:%Y-%m-%d %H:%M} UTC, and the time is now {_format_time(now)}")
     return facts
 
 
@@ -321,9 +323,9 @@ def _read(pem: bytes) -> x509.CertificateRevocationList:
         whole = crl.public_bytes(Encoding.DER).endswith(b"\x00" + crl.signature)
         same = crl.public_bytes(Encoding.PEM) == pem and whole
     except (ValueError, x509.InvalidVersion):
-        _refuse("it is cut or damaged")
+        _refuse("it is truncated or damaged")
     if not same:
-        _refuse("it is damaged, or holds more than a list")
+        _refuse("it is damaged, or contains more than a revocation list")
     return crl
 
 
@@ -332,9 +334,9 @@ def _check_issuer(crl: x509.CertificateRevocationList, ca: x509.Certificate) -> 
         key = ca.public_key()
         # Somebody else's CA may have a key of another kind than ours.
         if crl.issuer != ca.subject or not isinstance(key, keys.PublicKey):
-            _refuse("another certificate authority has signed it")
+            _refuse("it was signed by another certificate authority")
         if not crl.is_signature_valid(key):
-            _refuse("its signature is not our certificate authority's, whatever it calls itself")
+            _refuse("its signature was not made by our certificate authority, although it has the same name")
     except (ValueError, TypeError, UnsupportedAlgorithm):
         _refuse("its signature cannot be checked")
 
@@ -342,7 +344,7 @@ def _check_issuer(crl: x509.CertificateRevocationList, ca: x509.Certificate) -> 
 def _facts(crl: x509.CertificateRevocationList, pem: bytes) -> CrlFacts:
     try:
         if {extension.oid for extension in crl.extensions} != _EXTENSIONS:
-            _refuse("it is of another kind than our lists: it has other extensions")
+            _refuse("it is not a list of ours: its extensions differ")
         number = crl.extensions.get_extension_for_class(x509.CRLNumber).value.crl_number
         serials = frozenset(revoked_certificate.serial_number for revoked_certificate in crl)
         following = crl.next_update_utc
@@ -350,7 +352,7 @@ def _facts(crl: x509.CertificateRevocationList, pem: bytes) -> CrlFacts:
     except (ValueError, x509.DuplicateExtension):
         _refuse("it is damaged")
     if following is None:
-        _refuse("it does not say how long it is valid")
+        _refuse("it has no expiry date")
     return CrlFacts(number, this, following, serials, hashlib.sha256(pem).hexdigest())
 
 
@@ -361,5 +363,5 @@ def _format_time(now: datetime) -> str:
 def _refuse(why: str) -> NoReturn:
     raise keys.InvalidCrlError(
         f"the revocation list was not published: {why}",
-        hint="look at this computer's clock, then sign a new one: provision vpn sync --sign",
+        hint="check this computer's clock, then sign a new one: provision vpn sync --sign",
     )

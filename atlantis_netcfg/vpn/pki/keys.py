@@ -117,7 +117,7 @@ def load_key(pem: Secret) -> PrivateKey:
         key = None
     if not isinstance(key, PrivateKey):
         raise CorruptKeyError(
-            "this is no private key of ours", hint="restore the file from your backup of the authority"
+            "not a private key of this authority", hint="restore the file from your backup of the authority"
         )
     return key
 
@@ -204,9 +204,7 @@ def _server_bytes(key: Secret) -> bytes:
     except ValueError:
         data = b""
     if len(data) != 128:  # noqa: PLR2004 - two keys of 64 bytes each
-        raise CorruptKeyError(
-            "this is no tls-crypt-v2 key of a server", hint="restore it from a backup of the authority"
-        )
+        raise CorruptKeyError("not a tls-crypt-v2 server key", hint="restore it from a backup of the authority")
     return data
 
 

@@ -41,7 +41,7 @@ def seal(data: bytes, passphrase: Secret) -> bytes:
     needed_bytes, free = _scrypt_bytes(age_file.WORK_FACTOR), _free_bytes()
     if free is not None and free < needed_bytes:
         raise keys.SealTooLarge(
-            f"sealing it takes {needed_bytes >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
+            f"sealing it needs {needed_bytes >> 20} MiB of memory, but this computer has only {free >> 20} MiB free",
             hint=_LARGER,
         )
     return age_file.encrypt(data, passphrase.reveal())
@@ -50,7 +50,7 @@ def seal(data: bytes, passphrase: Secret) -> bytes:
 def unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
     """Decrypt a file of `seal` or `age --passphrase`. Raises WrongPassphrase, CorruptSealError, SealTooLarge."""
     if not _binary(sealed_data).startswith(_BY_PASSPHRASE):
-        raise keys.CorruptSealError("this is no file that age has sealed with a passphrase", hint=_RESTORE)
+        raise keys.CorruptSealError("not a file that age sealed with a passphrase", hint=_RESTORE)
     _check_memory(opening_bytes(sealed_data))
     try:
         return bytes(pyrage.passphrase.decrypt(sealed_data, passphrase.reveal()))
@@ -87,8 +87,8 @@ def check_passphrase(passphrase: Secret, guesses: int) -> None:
     estimate, why = passwords.guesses(text)
     if estimate < guesses:
         raise keys.WeakPassphrase(
-            f"the passphrase is too weak: about {_power(math.log10(estimate))} guesses find it, and "
-            f"{_power(math.log10(guesses))} are needed" + (f" ({why})" if why else ""),
+            f"the passphrase is too weak: about {_power(math.log10(estimate))} guesses find it, at least "
+            f"{_power(math.log10(guesses))} are required" + (f" ({why})" if why else ""),
             hint=_STRONGER,
         )
 
@@ -102,7 +102,7 @@ def unseal_with(sealed_data: bytes, identity: Secret) -> bytes:
     try:
         key = pyrage.x25519.Identity.from_str(identity.reveal().strip())
     except pyrage.IdentityError:
-        raise keys.InvalidRecipientError("this is no key of age", hint="it begins with AGE-SECRET-KEY-1") from None
+        raise keys.InvalidRecipientError("not an age key", hint="an age key begins with AGE-SECRET-KEY-1") from None
     try:
         return bytes(pyrage.decrypt(sealed_data, [key]))
     except pyrage.DecryptError as error:
@@ -110,7 +110,7 @@ def unseal_with(sealed_data: bytes, identity: Secret) -> bytes:
             raise keys.WrongPassphrase(
                 "it was sealed for another key", hint="use the key that it was sealed for"
             ) from None
-        raise keys.CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE) from None
+        raise keys.CorruptSealError("the sealed file is truncated or damaged", hint=_RESTORE) from None
 
 
 def vault_seal(data: bytes, passphrase: Secret) -> bytes:
@@ -122,23 +122,23 @@ def vault_seal(data: bytes, passphrase: Secret) -> bytes:
 def vault_unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
     """Decrypt an ansible-vault file. Raises WrongPassphrase, CorruptSealError."""
     if not sealed_data.startswith(b"$ANSIBLE_VAULT;"):
-        raise keys.CorruptSealError("this is no file that ansible-vault has encrypted", hint=_RESTORE)
+        raise keys.CorruptSealError("not a file encrypted with ansible-vault", hint=_RESTORE)
     from ansible.errors import AnsibleError  # noqa: PLC0415 - as below
     from ansible.parsing.vault import AnsibleVaultFormatError  # noqa: PLC0415
 
     try:
         return bytes(_vault(passphrase).decrypt(sealed_data))  # type: ignore[attr-defined] # no types
     except AnsibleVaultFormatError:
-        raise keys.CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE) from None
+        raise keys.CorruptSealError("the sealed file is truncated or damaged", hint=_RESTORE) from None
     except AnsibleError:
         raise _wrong() from None
 
 
 _MAX_SHOWN = 30
 """Maximum characters shown of an invalid recipient: enough to recognise it, but not all of a possible secret."""
-_LARGER = "end other programs, or do this on a larger computer"
+_LARGER = "close other programs, or use a computer with more memory"
 _RESTORE = "restore it from your backup of the authority"
-_STRONGER = "take six words that a die has chosen, and keep them where the authority's folder is not"
+_STRONGER = "use six words chosen with dice, and do not keep them together with the authority's folder"
 
 
 def _check_memory(needed_bytes: int) -> None:
@@ -146,7 +146,7 @@ def _check_memory(needed_bytes: int) -> None:
     free = _free_bytes()
     if free is not None and free < needed_bytes:
         raise keys.SealTooLarge(
-            f"opening it takes {needed_bytes >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
+            f"opening it needs {needed_bytes >> 20} MiB of memory, but this computer has only {free >> 20} MiB free",
             hint=_LARGER,
         )
 
@@ -172,7 +172,7 @@ def _binary(sealed_data: bytes) -> bytes:
     except ValueError:
         data = b""
     if not data.startswith(b"age-encryption.org/v1\n"):
-        raise keys.CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE)
+        raise keys.CorruptSealError("the sealed file is truncated or damaged", hint=_RESTORE)
     return data
 
 
@@ -182,16 +182,16 @@ def _opening(error: pyrage.DecryptError) -> keys.WrongPassphrase | keys.CorruptS
         return _wrong()
     if str(error).startswith("Excessive work"):
         return keys.SealTooLarge(
-            "it was sealed on a much faster computer, and opening it would take this one too long",
+            "it was sealed on a much faster computer; opening it here would take too long",
             hint="open it on a faster computer",
         )
-    return keys.CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE)
+    return keys.CorruptSealError("the sealed file is truncated or damaged", hint=_RESTORE)
 
 
 def _wrong() -> keys.WrongPassphrase:
     return keys.WrongPassphrase(
-        "the passphrase does not open it",
-        hint="type it again; if it is the right one, the file was changed: restore it from a backup",
+        "wrong passphrase, or the file was changed",
+        hint="type it again; if you are sure of it, the file was changed: restore it from a backup",
     )
 
 
@@ -206,10 +206,10 @@ def _recipient(text: str) -> pyrage.x25519.Recipient | pyrage.ssh.Recipient:
     secret = "AGE-SECRET-KEY" in text.upper() or "PRIVATE KEY" in text.upper()
     excerpt = text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}…"
     raise keys.InvalidRecipientError(
-        "that is a secret key; the recipient's public one is needed"
+        "this is a secret key; the recipient's public key is needed"
         if secret
-        else f"no key of a recipient: {excerpt!r}",
-        hint="ask for the line that age-keygen shows (age1…), or for an ssh-ed25519 public key",
+        else f"not a recipient's key: {excerpt!r}",
+        hint="ask for the line that age-keygen prints (age1…), or for an ssh-ed25519 public key",
     )
 
 

@@ -81,7 +81,7 @@ def _blocks(page: Path) -> Iterator[tuple[str, dict[str, str], list[str], list[s
         elif block is not None and line == "```":
             directives = dict(_DIRECTIVE.findall(above)) if above.startswith("<!--") else {}
             if above.startswith("<!--") and not directives:
-                raise ValueError(f"{place}: the comment above says nothing that is known: {above}")
+                raise ValueError(f"{place}: the comment above says no known step: {above}")
             yield place, directives, block, _table(lines[number:])
             block, above = None, ""
         elif block is not None:

@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[3]
 NOBODY = 65534
 INDEX_SETTINGS = ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL", "PIP_FIND_LINKS", "PIP_CERT", "PIP_PROXY", "PIP_TRUSTED_HOST")
-SILENT_INDEX = "the package index does not answer"
+SILENT_INDEX = "the package index does not respond"
 
 
 def clean_environment(**more: str) -> dict[str, str]:

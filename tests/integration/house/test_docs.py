@@ -184,7 +184,7 @@ def test_ellipsis_matches_any_text(printed: str, agrees: bool) -> None:  # noqa:
         "```console\n$ no end\n",
         "<!-- exit: 1 2 3 -->\n```console\n$ one\n$ two\n```\n",
         "<!-- exti: 1 -->\n```console\n$ one\n```\n",
-        "```console\n$ one\n```\n\n| It asks | You type |\n|---|---|\n| no answer |\n",
+        "```console\n$ one\n```\n\n| It asks | You type |\n|---|---|\n| no response |\n",
     ],
 )
 def test_malformed_block_is_refused(page: str, tmp_path: Path) -> None:

@@ -45,7 +45,9 @@ def test_missing_package_is_reported_and_reinstalled_as_advised(checkout: Path) 
     assert (found["verdict"], found["measured"]) == ("FAIL", "fpdf2 is missing")
     remove(checkout, "pydantic")
     (error,) = looked(checkout)["errors"]
-    assert error["message"] == "the packages in .venv are not as pinned: fpdf2 is missing; pydantic is missing"
+    assert error["message"] == (
+        "the packages in .venv differ from the pinned versions: fpdf2 is missing; pydantic is missing"
+    )
     assert f"`{found['commands'][0]}` in {checkout}" in error["hint"]
     subprocess.run(shlex.split(found["commands"][0]), cwd=checkout, check=True)
     assert packages(looked(checkout))["verdict"] == "PASS"

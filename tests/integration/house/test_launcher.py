@@ -142,7 +142,7 @@ def test_changed_pins_update_the_environment_once(checkout: Path, offline: dict[
     renewed = start(checkout, environment=offline)
     told(renewed)
     assert "up to date" in renewed.stderr
-    assert "waiting" not in renewed.stderr, "the start before has ended, and holds no lock"
+    assert "waiting" not in renewed.stderr, "the start before has ended, and does not contain lock"
     assert start(checkout, environment=offline).stderr == ""
 
 
@@ -186,7 +186,7 @@ def test_incomplete_environment_is_rebuilt(damage: str, checkout: Path, offline:
 
 @pytest.mark.parametrize(
     ("index", "said"),
-    [("http://127.0.0.1:1/", "does not answer"), ("https://127.0.0.1:{port}/", "is the clock right?")],
+    [("http://127.0.0.1:1/", "does not respond"), ("https://127.0.0.1:{port}/", "is the clock right?")],
     ids=["silent", "not to be trusted"],
 )
 def test_unusable_package_index_is_reported(

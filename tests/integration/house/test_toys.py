@@ -160,7 +160,7 @@ def test_new_link_kind_needs_one_table_row(product: Copy) -> None:
         "drawn": ["4G", 1],
         "announced": 20,  # the pace of the slowest path: from the vessel's satellite
         "tunnel": "4g",
-        "price": "over uplink of scc, which is paid by the byte: up to 1.0 MB, 2.00 EUR",
+        "price": "over metered link uplink of scc: up to 1.0 MB, 2.00 EUR",
     }
 
 

@@ -100,7 +100,7 @@ def test_an_installed_program_goes_from_an_empty_folder_to_a_rehearsal(install: 
     assert Path(at.strip()).parent == install.package, "not the checkout's"
 
     created = install.provision("inventory", "init", "my-pilot", "--from", "example")
-    assert "my-pilot: written and checked, no errors, 13 hosts at 3 sites" in created
+    assert "my-pilot: written and validated, no errors, 13 hosts at 3 sites" in created
     assert "my-pilot: no errors" in install.provision("inventory", "validate", "inventory=my-pilot")
     rehearsal = install.provision("site=coastal", "inventory=my-pilot", "--rehearse")
     assert "second run over satellite: 0 changes" in rehearsal, rehearsal

@@ -23,7 +23,7 @@ fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.executable, [sys.executable, "-m", "atlantis_netcfg", *sys.argv[1:]])
 """
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1 technician"
-PLACE = ("What people call it", "Local network", "Network of the management port", "DNS suffix", "Ethernet ports")
+PLACE = ("Name in everyday use", "Local network", "Network of the management port", "DNS suffix", "Ethernet ports")
 PILOT = [
     ("Ask for networks, ports, radio details and rates as well?", "yes"),
     ("Name of the pilot", "Douro"),
@@ -36,7 +36,7 @@ PILOT = [
     ("Public address of the VPN", "172.31.0.2"),
     ("DNS name of the VPN", "vpn.douro.internal"),
     ("Tunnel addresses", "10.90.0.0/16"),
-    ("Short name of it", "centre"),
+    ("Its short name", "centre"),
     *zip(PLACE, ("", "10.20.0.0/24", "10.20.100.0/24", "centre.douro.internal", "5"), strict=True),
     ("Network between router and provider", "172.31.0.0/29"),
     ("The router's address", ""),
@@ -66,7 +66,7 @@ BOAT = [
     ("Is there a Wi-Fi bridge", "yes"),
     ("Network of the bridge", "10.21.3.0/29"),
     ("Name of the radio network", "douro-ptp"),
-    ("What the radios speak", ""),
+    ("Protocol of the radios (nv2", ""),
     ("Frequency in MHz", "5560"),
     ("Distance in metres", "300"),
     ("Gain of the antennas", "16"),
@@ -104,7 +104,7 @@ USUAL = [
     ("Price of the contract", "2,5"),
     ("Is there a data gateway computer", "yes"),
     ("A technician's public SSH key", KEY),
-    ("Choose a password for the inventory's vault", "of a test"),
+    ("Choose a password for the inventory vault [passwords are EXAMPLE values]:", "of a test"),
     ("The same again", "of a test"),
 ]
 """A site with everything, with the answers that only its people know."""
@@ -180,16 +180,16 @@ def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
 ) -> None:
     code, seen = typed(["inventory", "init", "douro"], [*PILOT, *PIER, *BOAT], environment)
     assert code == 0, seen
-    assert "did you mean" in seen or "`spain` is no word" in seen
+    assert "did you mean" in seen or "`spain` is not a word" in seen
     assert "EXAMPLE" not in seen.rpartition("technician")[2]
     last = seen.splitlines()[-4:]
-    assert last[0] == "douro: written and checked, no errors, 10 hosts at 3 sites"
+    assert last[0] == "douro: written and validated, no errors, 10 hosts at 3 sites"
     assert max(map(len, last)) <= 80
 
     checked = run(["inventory", "validate", "inventory=douro", "--examples"], environment)
     assert (checked.returncode, checked.stderr) == (0, "")
     assert checked.stdout.splitlines()[0] == "douro: no errors"
-    assert checked.stdout.splitlines()[-1] == "No example value is left."
+    assert checked.stdout.splitlines()[-1] == "No example values are left."
     assert "EXAMPLE" not in "".join(path.read_text(encoding="utf-8") for path in files(tmp_path / "douro"))
 
     for path in files(tmp_path / "douro"):
@@ -201,7 +201,7 @@ def test_new_inventory_validates_is_rehearsed_and_is_not_overwritten(
     before = {path: path.read_bytes() for path in files(tmp_path / "douro")}
     code, seen = typed(["inventory", "init", "douro"], [], environment)
     assert code == 3
-    assert "douro has something in it, so nothing was written" in seen
+    assert "douro is not empty, so nothing was written" in seen
     assert before == {path: path.read_bytes() for path in files(tmp_path / "douro")}
 
     (words,) = advised(last[-1])
@@ -218,7 +218,7 @@ def test_a_site_with_everything_takes_at_most_25_questions(tmp_path: Path, envir
     del environment["ANSIBLE_VAULT_PASSWORD_FILE"]
     code, seen = typed(["inventory", "init", "douro"], USUAL, environment)
     assert code == 0, seen
-    assert "douro: written and checked, no errors, 9 hosts at 2 sites" in seen
+    assert "douro: written and validated, no errors, 9 hosts at 2 sites" in seen
     assert sum(line.endswith("]:") or "]: " in line for line in seen.splitlines()) <= 25
     pilot = (tmp_path / "douro/group_vars/pier.yml").read_text(encoding="utf-8")
     assert "price_per_mb: 0.01" in pilot
@@ -240,21 +240,21 @@ def test_a_stopped_init_goes_on_where_it_stopped(tmp_path: Path, environment: di
     assert kept.stat().st_mode & 0o777 == 0o600
     assert kept.parent.stat().st_mode & 0o777 == 0o700
 
-    code, seen = typed(["inventory", "init", "douro"], [("Go on with them?", ""), *answers[31:]], environment)
+    code, seen = typed(["inventory", "init", "douro"], [("Continue with them?", ""), *answers[31:]], environment)
     assert code == 0, seen
-    assert "30 answers are kept from the last time." in seen
+    assert "30 responses are saved from the last session." in seen
     assert "Name of the pilot" not in seen
-    assert seen.splitlines()[-4] == "douro: written and checked, no errors, 10 hosts at 3 sites"
+    assert seen.splitlines()[-4] == "douro: written and validated, no errors, 10 hosts at 3 sites"
     assert not kept.exists()
 
 
 def test_kept_answers_are_removed_when_the_person_starts_again(tmp_path: Path, environment: dict[str, str]) -> None:
     typed(["inventory", "init", "douro"], PILOT[:5], environment, (PILOT[5][0], b"\x03"))
     (kept,) = (tmp_path / "state/init").iterdir()
-    again = [("Go on with them?", "no"), PILOT[0], ("Name of the pilot", "Tejo")]
+    again = [("Continue with them?", "no"), PILOT[0], ("Name of the pilot", "Tejo")]
     code, seen = typed(["inventory", "init", "./douro"], again, environment, ("Country", b"\x03"))
     assert code != 0
-    assert "stopped by Ctrl-C; nothing was changed" in seen
+    assert "interrupted by Ctrl-C; nothing was changed" in seen
     assert "Tejo" in kept.read_text(encoding="utf-8")
     assert "Douro" not in kept.read_text(encoding="utf-8")
     (tmp_path / "douro").mkdir()
@@ -272,14 +272,14 @@ def test_hostile_input_is_refused_and_asked_again(environment: dict[str, str]) -
     assert code == 3
     assert "Traceback" not in seen
     assert "An answer has at most 2000 characters." in seen
-    assert seen.count("characters that cannot be printed: type it again") == 4
-    assert "type the command again: it offers to go on where it stopped" in seen
+    assert seen.count("The answer contains unprintable characters: type it again.") == 4
+    assert "run the command again: it offers to continue where it stopped" in seen
 
 
 def test_a_state_directory_that_cannot_be_written_keeps_nothing(tmp_path: Path, environment: dict[str, str]) -> None:
     (tmp_path / "state").touch()
     code, seen = typed(["inventory", "init", "douro"], PILOT[:2], environment, ("Country", b"\x04"))
     assert code == 3
-    assert "Your answers are not kept if you stop" in seen
+    assert "Your responses are not kept if you stop" in seen
     assert "Traceback" not in seen
-    assert seen.rstrip().endswith("type the command again")
+    assert seen.rstrip().endswith("run the command again")

@@ -34,8 +34,8 @@ def inventory(folder: Path, *edits: tuple[str, str]) -> Path:
 def test_measured_sizes_and_rates_match_the_mock(tmp_path: Path) -> None:
     own = inventory(tmp_path / "inventory")
     script = (
-        '"$1" robot mock for=60s vehicle=zarco,sparus inventory="$2" >/dev/null 2>&1 & mock=$!; '
-        '"$1" measure fit site=coastal vehicle=zarco observed=12s address=127.0.0.1 inventory="$2" --write --json; '
+        '"$1" robot mock for=60s vehicle=zarco,sparus inventory="$2" >/dev/null 2>&1 & mock=$!; "$1" '
+        'measure fit site=coastal vehicle=zarco observed=12s address=127.0.0.1 inventory="$2" --add --json; '
         "code=$?; kill $mock; wait $mock; exit $code"
     )
     done = alone(script, str(PROVISION), str(own))
@@ -62,8 +62,8 @@ def test_measured_sizes_and_rates_match_the_mock(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("edit", "vehicle", "message"),
     [
-        (("EXAMPLE-zarco-token", "EXAMPLE-another"), "zarco", "its token is not the one of its file"),
-        (("label: ", "label: Another "), "zarco", "its configuration is not the one of its file"),
+        (("EXAMPLE-zarco-token", "EXAMPLE-another"), "zarco", "its token differs from the one in its file"),
+        (("label: ", "label: Another "), "zarco", "its configuration differs from its file"),
         (("namespace: zarco", "namespace: sparus"), "zarco", "`zarco` was not heard at coastal"),
     ],
 )

@@ -206,14 +206,14 @@ def test_refused_goals_have_a_reason(session: Session) -> None:
     assert session.of(10, "goal", "state") == []
     output = "\n".join(session.mock.lines)
     for line in (
-        "/sparus/start_survey: goal refused: /sparus/at_surface must be true and is not",
+        "/sparus/start_survey: goal refused: /sparus/at_surface must be true, but is not",
         "/sparus/execute_plan: goal refused: another plan is still running",
-        "/sparus/execute_plan: goal refused: the indices of its steps do not count from 0",
-        "/sparus/execute_plan: goal refused: the data of step 0 is no JSON object",
+        "/sparus/execute_plan: goal refused: the step indices do not count up from 0",
+        "/sparus/execute_plan: goal refused: the data of step 0 are not a JSON object",
         "/sparus/surface: request not understood: its sender needs rmw_cyclonedds_cpp",
         "/sparus/lights: goal cancelled",
-        "eca_rov takes no plans: its program gets them by a function",
-        "sparus: goals accepted 9, refused 4, not understood 1",
-        "zarco: goals accepted 1, refused 0, not understood 0",
+        "eca_rov accepts no plans: its program receives them by a function",
+        "sparus: goals accepted 9, refused 4, invalid 1",
+        "zarco: goals accepted 1, refused 0, invalid 0",
     ):
         assert line in output

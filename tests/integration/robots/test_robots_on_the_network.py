@@ -77,24 +77,24 @@ def test_checklist_detects_robots_in_the_lan_of_its_site(tmp_path: Path) -> None
 def test_empty_network_is_not_green() -> None:
     done = alone('"$1" robot discover site=coastal for=5s address=127.0.0.1', str(PROVISION))
     assert done.returncode == 6, done.stderr
-    assert "participants of domain 0 that were heard in 5 s: 0" in done.stdout
+    assert "participants of domain 0 received in 5 s: 0" in done.stdout
     assert "silence proves nothing" in done.stdout
-    assert not done.stderr, "Cyclone DDS would write a line for each datagram that does not leave"
+    assert not done.stderr, "Cyclone DDS would add a line for each datagram that does not leave"
     assert done.stdout.count("INCONCLUSIVE") == 12, "six robots, and what is said of each"
 
 
 def test_an_address_that_is_not_here_is_refused() -> None:
     done = alone('"$1" robot mock for=5s address=10.64.1.99', str(PROVISION))
     assert done.returncode == 3
-    assert "no participant of DDS can be made here" in done.stderr
+    assert "a DDS participant cannot be created here:" in done.stderr
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("mock", "site=coastal"), "the inventory still holds example values"),
-        (("discover", "site=coastal"), "the inventory still holds example values"),
-        (("discover", "site=coastal", "address=10.64.1"), "`address=10.64.1` is no IPv4 address"),
+        (("mock", "site=coastal"), "the inventory still contains example values"),
+        (("discover", "site=coastal"), "the inventory still contains example values"),
+        (("discover", "site=coastal", "address=10.64.1"), "`address=10.64.1` is not an IPv4 address"),
     ],
 )
 def test_no_packet_is_sent_to_example_addresses(words: tuple[str, ...], message: str) -> None:

@@ -147,7 +147,7 @@ def test_prefetch_covers_role_requests_up_to_the_first_dependent_one(monkeypatch
     made._task = SimpleNamespace(args={"roles": ["gateway_base", "no_such_role"]}, check_mode=False)
     calls = dict(made._calls({"inventory_hostname": "station", "inventory_dir": str(ROOT / "inventory")}))
     assert calls.keys() == {"clock", "packages", "network"}, "no bundle, nothing to configure, nothing to confirm yet"
-    assert calls["packages"] == {"packages": [{"name": "chrony"}]}, "what a task omits is left out"
+    assert calls["packages"] == {"packages": [{"name": "chrony"}]}, "what a task omits is excluded"
     assert calls["network"] == {**network, "action": "stage"}
 
 

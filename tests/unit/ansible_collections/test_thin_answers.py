@@ -134,7 +134,7 @@ def test_ansible_internal_keys_are_dropped_from_gateway_output() -> None:
             "clock was cut off on this computer (exit 137):\nmotd\nKilled",
             "type the same",
         ),
-        (said("", "", 1), "clock was cut off on this computer (exit 1) without a word", "type the same"),
+        (said("", "", 1), "clock was cut off on this computer (exit 1) without output", "type the same"),
         (said(f'{MARK}{{"cha', "", 137), "clock was cut off", "type the same"),
         (said("", "/bin/sh: 1: python3: not found\n", 127), "has no Python where it is looked for", "apt-get install"),
         (said("", "", 0, python=(3, 6)), "has Python 3.6, and at least 3.8 is needed", "Ubuntu 20.04"),

@@ -32,7 +32,7 @@ def test_missing_home_is_an_error_with_a_hint(tmp_path: Path) -> None:
 
 def test_a_file_in_the_way_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match="no place to keep the cache"):
+    with pytest.raises(UsageError, match="cannot store the cache:"):
         cache_dir({"XDG_CACHE_HOME": str(tmp_path / "file")})
 
 

@@ -52,13 +52,13 @@ def test_no_home_anywhere_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
         raise KeyError(_uid)
 
     monkeypatch.setattr(pwd, "getpwuid", unknown)
-    with pytest.raises(UsageError, match="there is no home directory"):
+    with pytest.raises(UsageError, match="no home directory found"):
         state_dir({})
 
 
 def test_a_file_in_the_way_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match="no place to keep the journal"):
+    with pytest.raises(UsageError, match="cannot store the journal:"):
         state_dir({"ATLANTIS_STATE": str(tmp_path / "file" / "below")})
 
 

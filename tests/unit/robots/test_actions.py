@@ -131,9 +131,7 @@ def test_a_flood_of_goals_is_bounded() -> None:
     assert list(server.goals) == identities[9 : actions.MOST_GOALS + 9], "the oldest results are forgotten"
 
 
-@pytest.mark.parametrize(
-    ("identity", "message"), [(ALL, "its goal id is zero"), (ONE, "there was a goal with this id")]
-)
+@pytest.mark.parametrize(("identity", "message"), [(ALL, "its goal id is zero"), (ONE, "this goal id was used before")])
 def test_goal_needs_a_unique_id(identity: bytes, message: str) -> None:
     server = ActionServer()
     accept(server)
@@ -149,15 +147,15 @@ def test_plan_runs_in_order_of_its_indices() -> None:
 @pytest.mark.parametrize(
     ("plan", "message"),
     [
-        ([], "the plan has no step"),
-        (PLAN[1:], "do not count from 0"),
-        ([*PLAN, PLAN[0]], "do not count from 0"),
+        ([], "the plan has no steps"),
+        (PLAN[1:], "the step indices do not count up from 0"),
+        ([*PLAN, PLAN[0]], "the step indices do not count up from 0"),
         ([PlanStep(0, "", "{}")], "step 0 names no action"),
-        ([PLAN[0], PlanStep(1, "dive", "")], "the data of step 1 is no JSON object"),
-        ([PlanStep(0, "dive", "[1]")], "the data of step 0 is no JSON object"),
-        ([PlanStep(0, "dive", '{"depth": NaN}')], "the data of step 0 is no JSON object"),
+        ([PLAN[0], PlanStep(1, "dive", "")], "the data of step 1 are not a JSON object"),
+        ([PlanStep(0, "dive", "[1]")], "the data of step 0 are not a JSON object"),
+        ([PlanStep(0, "dive", '{"depth": NaN}')], "the data of step 0 are not a JSON object"),
         ([PlanStep(0, "dive", '{"a":' * 30_000)], "too long"),
-        ([PlanStep(0, "dive", "[" * 20_000)], "the data of step 0 is no JSON object"),
+        ([PlanStep(0, "dive", "[" * 20_000)], "the data of step 0 are not a JSON object"),
         ([PlanStep(index, "dive", "{}") for index in range(201)], "at most 200 steps and 64000 characters"),
     ],
 )

@@ -177,7 +177,7 @@ def test_missing_vault_password_is_refused_before_listening(
     monkeypatch.setattr("ansible.constants.DEFAULT_VAULT_PASSWORD_FILE", None)
     monkeypatch.setattr(robots, "discover", lambda *_: pytest.fail("it has listened"))
     assert main(["robot", "discover", "site=coastal", "save=lauv", f"inventory={pier / 'inventory'}", "--json"]) == 3
-    assert "there is no password for them" in capsys.readouterr().out
+    assert "no such playbook: password for them" in capsys.readouterr().out
 
 
 def test_file_is_saved_only_for_a_declared_robot_seen_once(pier: Path) -> None:
@@ -185,7 +185,7 @@ def test_file_is_saved_only_for_a_declared_robot_seen_once(pier: Path) -> None:
     twice = stranger()
     twice.configurations += stranger(participant="other").configurations
     for namespace, observation, message in (
-        ("lauv", stranger(), "no vehicle is called `lauv`, so no file was written"),
+        ("lauv", stranger(), "no such vehicle: `lauv`; no file was written"),
         ("other", stranger(), "0 robots of the namespace `other` were heard"),
         ("lauv", twice, "2 robots of the namespace `lauv` were heard"),
     ):

@@ -183,19 +183,22 @@ ACCESS = {"host": "10.64.1.10", "port": 22, "user": "root"}
 @pytest.mark.parametrize(
     ("ended", "words"),
     [
-        (ProcessResult(255, b"alive\nalive\n", b"client_loop: send disconnect", overdue=False), "ended before it had"),
-        (ProcessResult(-9, b"alive\n", b"", overdue=True), "ended before it had listened to the end"),
-        (ProcessResult(-9, b"", b"", overdue=True), "was not reached: it did not answer in time"),
+        (
+            ProcessResult(255, b"alive\nalive\n", b"client_loop: send disconnect", overdue=False),
+            "was lost before the listening time ended:",
+        ),
+        (ProcessResult(-9, b"alive\n", b"", overdue=True), "was lost before the listening time ended:"),
+        (ProcessResult(-9, b"", b"", overdue=True), "was not reached: no response in time"),
         (
             ProcessResult(255, b"", b"root@10.64.1.10: Permission denied (publickey).", overdue=False),
             "does not let you",
         ),
         (ProcessResult(255, b"", b"Host key verification failed.", overdue=False), "not the declared one"),
         (ProcessResult(127, b"", b"sh: 1: exec: python3: not found", overdue=False), "has no python3"),
-        (ProcessResult(0, b'alive\n{"heard": "eJw', b"", overdue=False), "ended before it had listened to the end"),
+        (ProcessResult(0, b'alive\n{"heard": "eJw', b"", overdue=False), "was lost before the listening time ended:"),
         (
             ProcessResult(0, b'alive\n{"heard": "AAAA"}\n', b"", overdue=False),
-            "ended before it had listened to the end",
+            "was lost before the listening time ended:",
         ),
         (
             ProcessResult(0, b'{"trouble": "failed", "words": "DDSException: x"}', b"", overdue=False),
@@ -214,10 +217,10 @@ def test_incomplete_output_is_never_an_observation(ended: ProcessResult, words: 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("from=scc-contrl", "`from=scc-contrl` is no host of the inventory"),
-        ("from=scc-control address=10.64.1.5", "`address=` is one of this computer, and `from=` names another"),
+        ("from=scc-contrl", "`from=scc-contrl` is not a host of the inventory"),
+        ("from=scc-control address=10.64.1.5", "`address=` belongs to this computer, and `from=` names another"),
         ("from=coastal-router", "`coastal-router` is a router: it does not use DDS"),
-        ("from=scc-control", "the inventory still holds example values"),
+        ("from=scc-control", "the inventory still contains example values"),
     ],
 )
 def test_invalid_from_argument_is_refused(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -232,5 +235,5 @@ def test_router_and_example_host_are_refused_as_listeners() -> None:
     with pytest.raises(UsageError, match="example values"):
         listen_there(shipped, shipped.hosts["scc-control"], 5)
     silent = replace(shipped, pilot=shipped.pilot.model_copy(update={"dds": None}))
-    with pytest.raises(UsageError, match="declares no `dds`"):
+    with pytest.raises(UsageError, match="`dds` is not set for the pilot"):
         listen_there(silent, shipped.hosts["scc-control"], 5)

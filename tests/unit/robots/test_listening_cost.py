@@ -44,7 +44,7 @@ def test_listening_from_the_vpn_requires_consent(
     places = listened(VPN)
     assert main(LISTEN) == 4
     printed = capsys.readouterr().err
-    assert "nobody has agreed to pay for this, so nothing was sent: over 4g of te4sea, which is paid" in printed
+    assert "the cost was not accepted, so nothing was sent: over 4g of te4sea, which is paid" in printed
     assert "type the same with `--accept-cost`, or listen at the site: `from=te4sea-gateway`" in printed
     assert not places
     assert main([*LISTEN, "--accept-cost"]) == 6
@@ -59,7 +59,7 @@ def test_cost_above_the_cap_cannot_be_accepted(
     places = listened(VPN)
     assert main([*LISTEN, "for=60m", "--accept-cost"]) == 4
     printed = capsys.readouterr().err
-    assert "no action may send more than" in printed
+    assert "the limit for one action is" in printed
     assert "--accept-cost" not in printed
     assert advised(printed) == []
     assert not places

@@ -131,7 +131,7 @@ def test_topic_with_unknown_rate_is_refused(inventory: Path, spoil: str) -> None
         "too quick": (replace(first, last_s=0.001),),
         "one of two": (first, replace(first, messages=2)),
     }
-    with pytest.raises(TelemetryUnknown, match=f"the rate of {first.topic} of `sparus` is not known after 10 s"):
+    with pytest.raises(TelemetryUnknown, match=f"the rate of {first.topic} of `sparus` is still unknown after 10 s"):
         build(inventory, replace(made, topics=(*wrong[spoil], *made.topics[1:])))
 
 
@@ -143,7 +143,7 @@ def test_written_inventory_contains_the_observed_telemetry(inventory: Path) -> N
     assert made.difference[:3] == [
         "-    telemetry: # EXAMPLE",
         "-      - {topic: /zarco/pose, data: numbers, rate_hz: 1, size_bytes: 120}",
-        "+    telemetry: # as heard at coastal on 2026-11-29, in 10 s",
+        "+    telemetry: # received at coastal on 2026-11-29, within 10 s",
     ]
     assert load(inventory).vehicles == declaration.vehicles, "nothing is written yet"
     write(declaration, telemetry, made)
@@ -158,9 +158,9 @@ def test_written_inventory_contains_the_observed_telemetry(inventory: Path) -> N
 
 @pytest.mark.parametrize("verdict", [Verdict.FAIL, Verdict.INCONCLUSIVE])
 def test_robot_differing_from_its_file_is_not_written(inventory: Path, verdict: Verdict) -> None:
-    finding = LinkFinding(verdict, "token", "its token is not the one of its file", "ask")
+    finding = LinkFinding(verdict, "token", "its token differs from the one in its file", "ask")
     declaration, telemetry = load(inventory), build(inventory, report("sparus", finding))
-    with pytest.raises(TelemetryUnknown, match="its token is not the one of its file"):
+    with pytest.raises(TelemetryUnknown, match="its token differs from the one in its file"):
         write(declaration, telemetry, change(declaration, telemetry, date(2026, 11, 29)))
     assert load(inventory).vehicles == declaration.vehicles
 
@@ -170,7 +170,7 @@ def test_file_changed_meanwhile_is_not_overwritten(inventory: Path) -> None:
     made = change(declaration, telemetry, date(2026, 11, 29))
     vehicles = inventory / made.file
     vehicles.write_text(f"{vehicles.read_text()}# by somebody else\n")
-    with pytest.raises(UsageError, match="has changed meanwhile"):
+    with pytest.raises(UsageError, match="changed in the meantime"):
         write(declaration, telemetry, made)
     assert "as heard" not in vehicles.read_text()
 
@@ -182,7 +182,7 @@ def test_one_line_entry_is_shown_but_not_written(inventory: Path) -> None:
     vehicles.write_text(yaml.safe_dump(document, default_flow_style=True))
     made = change(declaration, telemetry, date(2026, 11, 29))
     assert len(made.difference) == len(telemetry.topics)
-    with pytest.raises(UsageError, match="as this command can write it"):
+    with pytest.raises(UsageError, match="as this command can add it"):
         write(declaration, telemetry, made)
 
 
@@ -202,8 +202,8 @@ def test_unobserved_vehicle_is_reported_with_those_present(
     listening(monkeypatch, report("zarco"))
     assert main(typed(inventory, "observed=10s", "--write")) == ExitCode.CHECKS_FAILED
     shown = capsys.readouterr().err
-    assert "`sparus` was not heard at coastal in 10 s" in shown
-    (words,) = advised(said(shown, "`provision robot discover site={}` says who is heard"))
+    assert "no messages of `sparus` received at coastal in 10 s" in shown
+    (words,) = advised(said(shown, "`provision robot discover site={}` shows the received robots"))
     assert main(words) == ExitCode.DONE
     assert "zarco: declared" in capsys.readouterr().out
 
@@ -211,13 +211,13 @@ def test_unobserved_vehicle_is_reported_with_those_present(
 def test_difference_from_the_robot_file_is_shown_in_full(
     inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    finding = LinkFinding(Verdict.FAIL, "token", "its token is not the one of its file", "ask its partner")
+    finding = LinkFinding(Verdict.FAIL, "token", "its token differs from the one in its file", "ask its partner")
     listening(monkeypatch, report("sparus", finding))
     assert main(typed(inventory, "observed=10s", "--write")) == ExitCode.CHECKS_FAILED
     shown = capsys.readouterr().err
-    (words,) = advised(said(shown, "`provision robot discover site={}` says all that differs"))
+    (words,) = advised(said(shown, "`provision robot discover site={}` shows all differences"))
     assert main(words) == ExitCode.CHECKS_FAILED
-    assert "FAIL         its token is not the one of its file" in capsys.readouterr().out
+    assert "FAIL         its token differs from the one in its file" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("verdict", "code"), [(Verdict.FAIL, 6), (Verdict.INCONCLUSIVE, 6), (Verdict.WARN, 0)])
@@ -240,20 +240,20 @@ def test_vehicle_without_a_file_is_reported_with_the_check_command(
     assert main(typed(inventory, "observed=10s")) == ExitCode.NOTHING
     shown = capsys.readouterr().err
     file.write_text(text)
-    (words,) = advised(said(shown, "docs/robots.md says how; `provision robot validate vehicle={}` checks it"))
+    (words,) = advised(said(shown, "see docs/robots.md; `provision robot validate vehicle={}` checks it"))
     assert main(words) == ExitCode.DONE
 
 
 def test_observed_telemetry_is_judged_and_shown(
     inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    warning = LinkFinding(Verdict.WARN, "topic-frozen", "/sparus/pose says the same in all of 20 messages")
+    warning = LinkFinding(Verdict.WARN, "topic-frozen", "/sparus/pose has the same value in all 20 messages")
     listening(monkeypatch, report("sparus", warning, more=("/rosout",)))
     assert main(typed(inventory, "link=wifi-ptp", "observed=10s")) == ExitCode.CHECKS_FAILED, "nobody measured it"
     shown = capsys.readouterr().out
     assert "sparus at coastal: 7 topics" in shown
-    assert "WARN: /sparus/pose says the same in all of 20 messages" in shown
-    assert "not counted, for its configuration does not name them: /rosout" in shown
+    assert "WARN: /sparus/pose has the same value in all 20 messages" in shown
+    assert "not counted, because not in its configuration: /rosout" in shown
     assert "group_vars/all/vehicles.yml, with `--write`:" in shown
     assert [
         line for line in shown.splitlines() if len(line) > 80 and "topic:" not in line and "voltage" not in line

@@ -95,6 +95,6 @@ def test_undefined_type_is_refused_with_the_file_to_add() -> None:
         ("msg/Nothing", "msg/Nothing.msg"),
         ("action/Nothing_SendGoal_Request", "action/Nothing.action"),
     ):
-        with pytest.raises(UsageError, match=f"the type c4i_asset_msgs/{name} is not known") as refusal:
+        with pytest.raises(UsageError, match=f"the type c4i_asset_msgs/{name} is unknown") as refusal:
             MessageTypes(INTERFACES).empty(f"c4i_asset_msgs/{name}")
         assert refusal.value.hint == f"put its file into robots/interfaces/c4i_asset_msgs/{file} of the inventory"

@@ -93,7 +93,7 @@ def test_slow_feedback_reader_is_reported() -> None:
     step.action, step.data, goal.goal.plan = "dive", "{}", [step]
     action = mock_action(network, types)
     run(network, action, goal)
-    lost = "feedback was lost: a reader of it does not keep up"
+    lost = "feedback was lost: one of its readers is too slow"
     assert list(action.notices) == ["goal accepted", lost, lost, "goal succeeded"]
 
 

@@ -121,7 +121,7 @@ def test_topic_that_stops_while_others_continue_fails() -> None:
     depth.messages, depth.last_s = 4, 1.5
     (report,) = judge(observation, [source()], ["sparus"], KeyNames())
     assert [(each.code, each.verdict, each.message) for each in report.findings] == [
-        ("topic-silent", Verdict.FAIL, "nothing more was heard on /sparus/depth in the last 28 s of the robot")
+        ("topic-silent", Verdict.FAIL, "no message was received on /sparus/depth in the last 28 s of the robot")
     ]
     observation.writers.append(replace(writer(depth.topic, depth.type, 2.0), participant="started again"))
     assert codes(observation) == []
@@ -154,7 +154,7 @@ def test_two_participants_in_one_namespace_are_reported_with_addresses() -> None
     observation.configurations.append(HeardConfiguration(replace(first.writer, participant="other"), first.text))
     (report,) = judge(observation, [source()], ["sparus"], KeyNames())
     assert [(each.code, each.message) for each in report.findings] == [
-        ("namespace-twice", "2 participants introduce themselves as `sparus`: 10.64.1.22 and 10.64.1.99")
+        ("namespace-twice", "2 participants announce themselves as `sparus`: 10.64.1.22 and 10.64.1.99")
     ]
 
 
@@ -196,7 +196,7 @@ def test_telemetry_without_a_configuration_is_reported() -> None:
         (
             Verdict.INCONCLUSIVE,
             "configuration-missing",
-            "somebody publishes /sparus/pose, and no configuration of it was heard",
+            "a robot publishes /sparus/pose, but its configuration was not received",
         )
     ]
     assert ending([report], observation) == ExitCode.CHECKS_FAILED
@@ -246,7 +246,7 @@ def test_suggested_command_checks_the_robot_files(capsys: pytest.CaptureFixture[
     assert ending([report], observation) == ExitCode.CHECKS_FAILED, "it is not as its file says"
     (line,) = advised(said(report.findings[0].hint or "", str(report.findings[0].hint)))
     assert main(line) == ExitCode.DONE
-    assert "6 robots' files: no errors" in capsys.readouterr().out
+    assert "6 robot files: no errors" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("30s", 30), ("30", 30), ("5m", 300)])
@@ -256,5 +256,5 @@ def test_listening_time_is_parsed(text: str, seconds: int) -> None:
 
 @pytest.mark.parametrize("text", ["", "4s", "61m", "1h", "-5", "30 s"])
 def test_invalid_listening_time_is_refused(text: str) -> None:
-    with pytest.raises(UsageError, match="is no such time"):
+    with pytest.raises(UsageError, match="` is not a valid duration"):
         seconds_of(text)

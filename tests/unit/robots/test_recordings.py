@@ -134,7 +134,7 @@ def test_recording_that_cannot_be_finished_is_reported_as_such(
     monkeypatch.setattr(robots, "discover", lambda *_: (RobotObservation(5.0, {"key": "10.64.1.22"}), []))
     assert main(["robot", "discover", "site=coastal", "record=anywhere"]) == ExitCode.CHECKS_FAILED
     shown = capsys.readouterr().out
-    assert "the recording ended early: it could not be finished: disk I/O error" in shown
+    assert "the recording ended early: it could not be completed: disk I/O error" in shown
     assert "recorded in" not in shown
 
 
@@ -227,20 +227,20 @@ def change(statement: str) -> Callable[[Path], None]:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda folder: (folder / "bag.db3").unlink(), "is no bag that can be read here"),
-        (lambda folder: (folder / "bag.db3").rename(folder / "bag.mcap"), "is no bag that can be read here"),
-        (lambda folder: (folder / "bag.db3").rename(folder / "bag.db3.zstd"), "is no bag that can be read here"),
+        (lambda folder: (folder / "bag.db3").unlink(), "is not a readable bag"),
+        (lambda folder: (folder / "bag.db3").rename(folder / "bag.mcap"), "is not a readable bag"),
+        (lambda folder: (folder / "bag.db3").rename(folder / "bag.db3.zstd"), "is not a readable bag"),
         (lambda folder: (folder / "bag.db3").write_bytes(b"not a database" * 100), "cannot be read as a bag"),
         (lambda folder: (folder / "bag.db3").write_bytes(b""), "cannot be read as a bag"),
         (change("DROP TABLE messages"), "cannot be read as a bag"),
-        (change("DELETE FROM messages"), "holds no message whose type is known here"),
-        (change("UPDATE topics SET type = 'odd_msgs/msg/Odd'"), "holds no message whose type is known here"),
+        (change("DELETE FROM messages"), "contains no message of a known type"),
+        (change("UPDATE topics SET type = 'odd_msgs/msg/Odd'"), "contains no message of a known type"),
         (change("UPDATE messages SET timestamp = 'soon'"), "cannot be read as a bag"),
         (change("UPDATE messages SET data = 7"), "cannot be read as a bag"),
-        (change("UPDATE messages SET data = x'00'"), "is not of the type"),
-        (change("UPDATE messages SET data = CAST(data || x'00000000' AS BLOB)"), "is not of the type"),
-        (change("UPDATE messages SET data = substr(data, 1, 10)"), "is not of the type"),
-        (change("UPDATE topics SET type = 'sensor_msgs/msg/Image'"), "is not of the type"),
+        (change("UPDATE messages SET data = x'00'"), "does not match the type"),
+        (change("UPDATE messages SET data = CAST(data || x'00000000' AS BLOB)"), "does not match the type"),
+        (change("UPDATE messages SET data = substr(data, 1, 10)"), "does not match the type"),
+        (change("UPDATE topics SET type = 'sensor_msgs/msg/Image'"), "does not match the type"),
         (change("UPDATE topics SET offered_qos_profiles = '[{'"), "cannot be read as a bag"),
     ],
 )
@@ -299,8 +299,8 @@ def test_corrupted_bytes_are_reported_or_harmless(bag: Path, seed: int) -> None:
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        (("bag=bags/none",), "is no bag that can be read here"),
-        (("bag=bags/none", "vehicle=sparus"), "a recording and `vehicle=` are two different robots"),
+        (("bag=bags/none",), "is not a readable bag"),
+        (("bag=bags/none", "vehicle=sparus"), "a recording and `vehicle=` cannot be used together"),
         (("--loop",), "add it: `bag=FOLDER`"),
     ],
 )

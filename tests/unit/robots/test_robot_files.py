@@ -108,7 +108,7 @@ def test_telemetry_topic_missing_from_the_robot_file_is_a_warning(tmp_path: Path
     vehicles = inventory / "group_vars" / "all" / "vehicles.yml"
     vehicles.write_text(vehicles.read_text().replace("topic: /mares/battery/voltage", "topic: /mares/dept"))
     (warning,) = read(inventory)["mares"].warnings
-    assert warning.message == "`telemetry:` of the vehicle mares has `/mares/dept`, which this file has not"
+    assert warning.message == "`telemetry:` of the vehicle mares has `/mares/dept`, this file does not"
     assert warning.hint == "did you mean `/mares/depth`?"
 
 

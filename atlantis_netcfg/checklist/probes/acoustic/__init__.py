@@ -79,9 +79,9 @@ def _transcript(member: ModemMember, results: Mapping[str, base.Answer]) -> base
 def _not_compared_findings(names: Iterable[str], result: int) -> Iterator[LinkFinding]:
     missing = ", ".join(names)
     if missing:
-        rest = "the others agree or not without it" if result > 1 else "a comparison needs two"
+        rest = "the others are compared without it" if result > 1 else "a comparison needs at least two"
         message = f"the modem settings of {missing} could not be read: {rest}"
-        hint = "settle the item of that modem itself first, and check again"
+        hint = "first resolve the item of that modem, then check again"
         yield LinkFinding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
 
 
@@ -90,11 +90,11 @@ def _wrong_address_findings(members: tuple[ModemMember, ...], addresses: Mapping
         address = addresses.get(member.name, member.expected_address)
         if member.expected_address is not None and address != member.expected_address:
             message = (
-                f"a modem with the address {address} answers for {member.name}, "
-                f"and {member.expected_address} is declared"
+                f"a modem with the address {address} responds for {member.name}, but the inventory has "
+                f"{member.expected_address}"
             )
-            hint = "settle the item of that modem itself first, and check again"
-            yield LinkFinding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its own is not compared", hint)
+            hint = "first resolve the item of that modem, then check again"
+            yield LinkFinding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its settings are not compared", hint)
 
 
 def _join_values(values: Mapping[str, object]) -> str:
@@ -113,7 +113,7 @@ def _require_unique(what: str, values: Mapping[str, int]) -> Iterator[LinkFindin
         names = [name for name, local in values.items() if local == number]
         if len(names) > 1:
             message = f"{' and '.join(names)} have the same {what}, {number}"
-            hint = "have the crew of one of them set another one; the declaration says which belongs to whom"
+            hint = "ask the crew of one of them to set another value; the inventory shows which belongs to whom"
             yield LinkFinding(Verdict.FAIL, "duplicate-address", message, hint)
 
 
@@ -157,7 +157,7 @@ class EvologicsFleet:
             "highest address", "highest-address-differs", of["Highest Address"], hint, verdict=Verdict.FAIL
         )
         yield from _require_allowed("highest address", "highest-address", of["Highest Address"], _HIGHEST, hint)
-        hint = "have the crews set the same packet time on all modems, between 50 and 1000 ms"
+        hint = "ask the crews to set the same packet time on all modems, between 50 and 1000 ms"
         yield from _require_same(
             "packet time (ms)", "packet-time-differs", of["Packet Time"], hint, verdict=Verdict.FAIL
         )
@@ -165,7 +165,7 @@ class EvologicsFleet:
         yield from _require_allowed("packet time (ms)", "packet-time", of["Packet Time"], allowed_range, hint)
         yield from _check_carriers(of["Carrier Waveform ID"])
         words = {name: evologics.answer(readings[name].replies, _PHY) for name in result}
-        hint = "compare the models on the modems' labels: only modems of the same frequency band hear each other"
+        hint = "compare the models on the modems' labels: modems receive each other only in the same frequency band"
         physical_layers = {name: word for name, word in words.items() if word}
         yield from _require_same("physical layer", "band-differs", physical_layers, hint, verdict=Verdict.WARN)
 
@@ -175,7 +175,7 @@ def _require_allowed(
 ) -> Iterator[LinkFinding]:
     for name, value in values.items():
         if value not in allowed_values:
-            yield LinkFinding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
+            yield LinkFinding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which no modem supports", hint)
 
 
 def _check_carriers(values: Mapping[str, int]) -> Iterator[LinkFinding]:
@@ -185,14 +185,14 @@ def _check_carriers(values: Mapping[str, int]) -> Iterator[LinkFinding]:
         if (values[a], values[b]) not in _CARRIERS
     ]
     if deaf:
-        message = f"carrier waveforms that do not hear each other: {'; '.join(deaf)}"
-        hint = "have the crews set carrier waveform 2 on all modems; 0 and 1 are for a pair"
+        message = f"incompatible carrier waveforms: {'; '.join(deaf)}"
+        hint = "ask the crews to set carrier waveform 2 on all modems; 0 and 1 are for a pair"
         yield LinkFinding(Verdict.FAIL, "carriers", message, hint)
 
 
 def _agreement_finding(result: Mapping[str, Mapping[str, int]]) -> LinkFinding:
     addresses = ", ".join(f"{name} {values['Local Address']}" for name, values in result.items())
-    return LinkFinding(Verdict.PASS, "agree", f"the modems agree with each other; addresses: {addresses}")
+    return LinkFinding(Verdict.PASS, "agree", f"the settings of the modems match; addresses: {addresses}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +217,7 @@ class SeatracFleet:
         }
         if len(values) > 1:
             findings += _require_unique("beacon number", numbers)
-            hint = "have the crews set the same sound speed on all beacons, or let all work it out"
+            hint = "ask the crews to set the same sound speed on all beacons, or to let all beacons calculate it"
             findings += _require_same("sound speed", "sound-speed-differs", sound, hint, verdict=Verdict.WARN)
         findings += _wrong_address_findings(self.members, numbers)
         evidence = tuple(
@@ -227,7 +227,7 @@ class SeatracFleet:
             for name in values
         )
         number_list = _join_values(numbers)
-        success = LinkFinding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {number_list}")
+        success = LinkFinding(Verdict.PASS, "agree", f"the settings of the beacons match; numbers: {number_list}")
         return base.ProbeResult(tuple(findings) or (success,), evidence)
 
 
@@ -311,18 +311,18 @@ class EvologicsMessage:
         return base.ProbeResult((self._judge_refusal(pieces, level, refusal),), evidence)
 
     def _judge_report(self, lines: tuple[str, ...]) -> LinkFinding:
-        to = f"the modem with the address {self.partner}"
+        to = f"the modem with address {self.partner}"
         if f"DELIVEREDIM,{self.partner}" in lines:
             return LinkFinding(
                 Verdict.PASS, "delivered", f"a message of {self.name} reached {to}, which acknowledged it"
             )
         if f"FAILEDIM,{self.partner}" in lines:
-            hint = "look whether both modems are in the water, within reach of each other, and agree in their settings"
+            hint = "check that both modems are in the water, within range of each other, and have matching settings"
             return LinkFinding(
-                Verdict.FAIL, "not-delivered", f"{to} has not acknowledged the message of {self.name}", hint
+                Verdict.FAIL, "not-delivered", f"{to} did not acknowledge the message of {self.name}", hint
             )
-        hint = "check again; the modem may still have been trying when the time was up"
-        message = f"the modem of {self.name} has sent a message and does not tell what became of it"
+        hint = "check again; the modem may still have been retrying when the time ran out"
+        message = f"the modem of {self.name} sent a message and does not report the outcome"
         return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, hint)
 
     def _judge_refusal(
@@ -330,26 +330,28 @@ class EvologicsMessage:
     ) -> LinkFinding:
         state = evologics.state(pieces)
         if state is not None and state != "INITIATION LISTEN":
-            message = f"no message was sent: the modem of {self.name} does not listen ({state})"
-            return LinkFinding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
+            message = f"no message was sent: the modem of {self.name} is not listening ({state})"
+            return LinkFinding(Verdict.INCONCLUSIVE, "not-sent", message, "first resolve the item of that modem")
         address = evologics.number(evologics.answer(pieces, "AT?AL"))
         if address is not None and self.expected_address is not None and address != self.expected_address:
             message = f"no message was sent: the modem of {self.name} has the acoustic address {address:.0f}, and"
-            hint = "settle the item of the modem itself first"
-            return LinkFinding(Verdict.FAIL, "wrong-address", f"{message} {self.expected_address} is declared", hint)
+            hint = "first resolve the item of that modem"
+            return LinkFinding(
+                Verdict.FAIL, "wrong-address", f"{message} the inventory says {self.expected_address}", hint
+            )
         if level is not None and level not in _LEVELS:
             message = f"no message was sent: the source level of {self.name} is {status.level_words(int(level))}"
-            hint = "have its crew set a level between 1 and 3 (3 is the quietest), and check again"
+            hint = "ask its crew to set a level between 1 and 3 (3 is the quietest), then check again"
             return LinkFinding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
         if refusal:
-            message = f"the modem of {self.name} has not taken the message: `{refusal[:60]}`"
+            message = f"the modem of {self.name} rejected the message: `{refusal[:60]}`"
             return LinkFinding(
-                Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle does not use it"
+                Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle is not using it"
             )
         message = (
-            f"no message was sent: the modem of {self.name} did not tell an address and a source level that allow it"
+            f"no message was sent: the modem of {self.name} did not report an address and a source level that allow it"
         )
-        hint = "check again when the modem receives nothing; a change of the level that is pending stops it, too"
+        hint = "check again when the modem is not receiving; a pending level change also prevents sending"
         return LinkFinding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
 
 
@@ -376,7 +378,7 @@ def _status(cell: base.Cell, modem: AcousticModem) -> base.Step:
     kind = status.EvologicsStatus if evologics else status.SeatracStatus
     return base.Step(
         name="",
-        title=f"The acoustic modem of {cell.name} listens and has its declared settings",
+        title=f"The acoustic modem of {cell.name} listens and has the settings of the inventory",
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.BENCH,
         probe=kind(modem, cell.name, expected_address, question(cell, modem)),
@@ -413,7 +415,7 @@ def _message(cell: base.Cell, modem: AcousticModem) -> Iterator[base.Step]:
     consent = message_consent(cell.name, endpoint.partner)
     yield base.Step(
         name="message",
-        title=f"A message of {cell.name} reaches the modem with the acoustic address {endpoint.partner}",
+        title=f"A message from {cell.name} reaches the modem with the acoustic address {endpoint.partner}",
         kind=report.ItemKind.ACTIVE,
         phase=report.Phase.WATER,
         probe=EvologicsMessage(modem, cell.name, endpoint.acoustic_address, endpoint.partner, consent),
@@ -425,24 +427,25 @@ def _sent_by_a_person(cell: base.Cell, partner: int) -> base.Step:
     """Return a step for a person: this tool sends no data with a SeaTrac beacon, which pings (column USBL)."""
     return base.Step(
         name="message",
-        title=f"A message of {cell.name} reaches the beacon {partner}",
+        title=f"A message from {cell.name} reaches the beacon {partner}",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
-        do=f"With both in the water, let the software of {cell.name} send data to the beacon {partner}.",
-        look_for="The other vehicle shows what was sent, and the sender the acknowledgement.",
+        do=f"With both in the water, make the software of {cell.name} send data to the beacon {partner}.",
+        look_for="The other vehicle shows the data; the sender shows the acknowledgement.",
     )
 
 
 def _manual_step(cell: base.Cell) -> base.Step:
     is_declared = cell.endpoints.acoustic is not None
-    why = "has no address at this site" if is_declared else "is not declared"
+    why = "has no address at this site" if is_declared else "is not in the inventory"
     return base.Step(
         name="",
-        title=f"The acoustic modem of {cell.name} sends and hears",
+        title=f"The acoustic modem of {cell.name} sends and receives",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
-        do=f"The modem of {cell.name} {why}, so nobody can ask it. In the water, and never in air, let the vehicle's "
-        "software send a message to another modem of the test, and one back.",
-        look_for="Both are acknowledged; the modem tells no alarm; its acoustic address is its own, and none of the "
-        "other vehicles has it.",
+        do=(
+            f"The modem of {cell.name} {why}, so the program cannot query it. In the water, and never in air, make "
+            "the vehicle's software send a message to another modem of the test, and one back."
+        ),
+        look_for="Both are acknowledged; the modem reports no alarm; no other vehicle has its acoustic address.",
     )

@@ -56,15 +56,15 @@ class NeverSaid(NetcfgError, ValueError):
 
 EVOLOGICS: Mapping[bytes, ModemCommand] = {
     rb"AT\?(S|E|I|T|V|P|BL|BR|BV|CLOCK|CA|AL|AR|L|ZU)": ModemCommand(ModemUse.READ, "a query"),
-    rb"ATI[0-9]": ModemCommand(ModemUse.READ, "who the modem is"),
+    rb"ATI[0-9]": ModemCommand(ModemUse.READ, "modem identification"),
     rb"AT&V": ModemCommand(ModemUse.READ, "all settings"),
     rb"AT\*SENDIM,[0-9]{1,2},[0-9]{1,3},ack,[!-~]{1,64}": ModemCommand(ModemUse.ACTIVE, "transmits an instant message"),
     rb"AT!.*": ModemCommand(ModemUse.NEVER, "changes a setting"),
     rb"AT@.*": ModemCommand(ModemUse.NEVER, "takes control, or changes a setting"),
     rb"AT&W.*": ModemCommand(ModemUse.NEVER, "stores settings"),
-    rb"AT&F.*": ModemCommand(ModemUse.NEVER, "goes back to the factory's settings"),
+    rb"AT&F.*": ModemCommand(ModemUse.NEVER, "restores the factory settings"),
     rb"ATZ.*": ModemCommand(ModemUse.NEVER, "drops data, connections or settings"),
-    rb"AT[ANDHCO].*": ModemCommand(ModemUse.NEVER, "begins or ends a connection, or changes the mode"),
+    rb"AT[ANDHCO].*": ModemCommand(ModemUse.NEVER, "opens or closes a connection, or changes the mode"),
     rb"AT\*SEND.*": ModemCommand(ModemUse.NEVER, "transmits"),
     rb"": ModemCommand(ModemUse.NEVER, "switches to command mode"),
 }
@@ -72,7 +72,7 @@ EVOLOGICS: Mapping[bytes, ModemCommand] = {
 
 SEATRAC: Mapping[int, ModemCommand] = {
     0x01: ModemCommand(ModemUse.READ, "alive"),
-    0x02: ModemCommand(ModemUse.READ, "part, serial number, firmware"),
+    0x02: ModemCommand(ModemUse.READ, "part number, serial number, firmware"),
     0x10: ModemCommand(ModemUse.READ, "status: supply, depth, sound speed, attitude"),
     0x11: ModemCommand(ModemUse.READ, "status output"),
     0x15: ModemCommand(ModemUse.READ, "settings"),
@@ -112,16 +112,16 @@ def refused_reason(data: bytes, *, active: bool) -> str | None:
         return _seatrac_refusal(data, active=active)
     if data.startswith(b"+++"):
         return _evologics_refusal(data, active=active)
-    return f"{data!r} is on no list of what may be said"
+    return f"{data!r} is not an allowed command"
 
 
 def _evologics_refusal(data: bytes, *, active: bool) -> str | None:
     body = data.removeprefix(b"+++").removesuffix(b"\n")
     modem_command = next((command for pattern, command in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
     if modem_command is None or data != b"+++" + body + b"\n":
-        return f"{data!r} is on no list of what may be said to an EvoLogics modem"
+        return f"{data!r} is not an allowed command for an EvoLogics modem"
     if modem_command.use is ModemUse.ACTIVE and not _is_whole_message(body):
-        return f"{data!r} is not one whole message to one modem"
+        return f"{data!r} is not one complete message to one modem"
     return _use_refusal(modem_command, data, active=active)
 
 
@@ -134,11 +134,11 @@ def _seatrac_refusal(data: bytes, *, active: bool) -> str | None:
     payload = seatrac.payload_of(data)
     modem_command = SEATRAC.get(payload[0]) if payload else None
     if payload is None or modem_command is None:
-        return f"{data!r} is on no list of what may be said to a SeaTrac beacon"
+        return f"{data!r} is not an allowed command for a SeaTrac beacon"
     if modem_command.use is ModemUse.READ and len(payload) > 1:
-        return f"{data!r} asks with a parameter, and no question needs one"
+        return f"{data!r} is a query with a parameter; queries take none"
     if modem_command.use is ModemUse.ACTIVE and not _is_single_ping(payload):
-        return f"{data!r} transmits, and is no ping of one beacon"
+        return f"{data!r} transmits, and is not a ping to one beacon"
     return _use_refusal(modem_command, data, active=active)
 
 
@@ -157,7 +157,7 @@ def _use_refusal(modem_command: ModemCommand, data: bytes, *, active: bool) -> s
 def _say(data: bytes, until: bytes, within_s: float, *, active: bool) -> base.Say:
     """Build a message for a modem; all messages are built here. Raises NeverSaid if it is not allowed."""
     if reason := refused_reason(data, active=active):
-        raise NeverSaid(reason, hint="a probe sends what `checklist/probes/acoustic/modem.py` lists, nothing else")
+        raise NeverSaid(reason, hint="a probe sends only what `checklist/probes/acoustic/modem.py` lists")
     return base.Say(data, until, within_s)
 
 
@@ -212,7 +212,7 @@ class AcousticModem:
     def where(self) -> str:
         """Description of the endpoint: `10.64.1.21:9200`, `/dev/ttyUSB0 of the gateway`."""
         computer = "this laptop" if self.place is base.Place.LAPTOP else "the gateway"
-        return f"{self.device} of {computer}" if self.device else f"{self.address}:{self.port}"
+        return f"{self.device} on {computer}" if self.device else f"{self.address}:{self.port}"
 
     def listen(
         self, name: str, say: tuple[base.Say, ...], *, listen_s: float, enough: bytes = b"", turn: str = ""
@@ -314,8 +314,8 @@ def _fix_pattern(driver: model.AcousticDriver, remote: int | None) -> bytes:
 
 LANGUAGE = {model.AcousticDriver.EVOLOGICS: "an EvoLogics modem", model.AcousticDriver.SEATRAC: "a SeaTrac beacon"}
 _IN_USE = (
-    "look at the modem's topic in the vehicle's own software; stop that software only if the vehicle's crew agrees, "
-    "and check again"
+    "check the modem's topic in the vehicle's own software; stop that software only if the vehicle's crew "
+    "agrees, then check again"
 )
 
 
@@ -323,50 +323,50 @@ _WORDS: Mapping[base.Trouble | None, tuple[Verdict, str, str, str]] = {
     base.Trouble.REFUSED: (
         Verdict.INCONCLUSIVE,
         "in-use",
-        "the modem of {name} turns us away at {where}: it is in use by the vehicle",
+        "the modem of {name} refuses the connection at {where}: the vehicle is probably using it",
         _IN_USE,
     ),
     base.Trouble.BUSY: (
         Verdict.INCONCLUSIVE,
         "in-use",
-        "the modem of {name} is in use: another program holds {where}",
+        "the modem of {name} is in use: another program has {where} open",
         _IN_USE,
     ),
     base.Trouble.SILENT: (
         Verdict.INCONCLUSIVE,
         "silent",
-        "nobody answers for the modem of {name} at {where}",
+        "the modem of {name} does not respond at {where}",
         "switch the modem on, and look whether its address is that of the declaration; or it is in use by the vehicle: "
         + _IN_USE,
     ),
     base.Trouble.UNREACHABLE: (
         Verdict.INCONCLUSIVE,
         "unreachable",
-        "there is no way to the modem of {name} at {where}",
-        "look at the vehicle's link to the site first: its Wi-Fi or its cable",
+        "the modem of {name} is not reachable at {where}",
+        "check the vehicle's link to the site first: its Wi-Fi or its cable",
     ),
     base.Trouble.MISSING: (
         Verdict.FAIL,
         "no-port",
         "the serial port {where} for the modem of {name} does not exist",
-        "plug the modem's cable in, or correct `device` in the declaration",
+        "connect the modem's cable, or correct `device` in the inventory",
     ),
     base.Trouble.DENIED: (
         Verdict.INCONCLUSIVE,
         "denied",
-        "we may not open {where} for the modem of {name}",
-        "put the account that checks into the group `dialout` of that computer",
+        "no permission to open {where} for the modem of {name}",
+        "add the account that runs the check to the group `dialout` of that computer",
     ),
     base.Trouble.NO_PLACE: (
         Verdict.INCONCLUSIVE,
         "no-place",
-        "the modem of {name} was not asked: {words}",
-        "mend the way to the computer that asks first; nothing is known of the modem",
+        "the modem of {name} was not queried: {words}",
+        "restore access to the computer that sends the query first; the state of the modem is unknown",
     ),
     None: (
         Verdict.INCONCLUSIVE,
         "in-use",
-        "the modem of {name} takes the connection at {where} and says nothing: it is in use by the vehicle",
+        "the modem of {name} accepts the connection at {where} and sends nothing: the vehicle is probably using it",
         _IN_USE,
     ),
 }
@@ -380,7 +380,7 @@ def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> Lin
     # Who serves one client only hangs up on the second, or refuses it: both mean the same here.
     cause = base.Trouble.REFUSED if transcript.trouble is base.Trouble.CLOSED else transcript.trouble
     verdict, code, message, hint = _WORDS[cause]
-    words = transcript.words or "nobody could ask it"
+    words = transcript.words or "reason unknown"
     return LinkFinding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
 
 
@@ -394,24 +394,23 @@ def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer
 
 def not_understood(modem: AcousticModem, name: str) -> LinkFinding:
     """Return the finding for data that are not the modem's protocol, or noise."""
-    message = f"what answers for {name} at {modem.where} does not speak like {LANGUAGE[modem.driver]}"
-    hint = (
-        "compare `driver`, `port` and `baud` in the declaration with the modem; a wrong rate of a serial port is noise"
-    )
+    message = f"what responds for {name} at {modem.where} does not respond like {LANGUAGE[modem.driver]}"
+    hint = "compare `driver`, `port` and `baud` in the inventory with the modem; a wrong baud rate gives noise"
     return LinkFinding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
 
 
 def whose_unknown(modem: AcousticModem, name: str) -> LinkFinding:
     """Return the finding for a modem that cannot be identified, as the inventory has no acoustic address."""
-    message = f"nothing tells whether what answers at {modem.where} is the modem of {name}"
-    return LinkFinding(
-        Verdict.WARN, "whose-unknown", message, "declare its `acoustic_address` under `endpoints.acoustic`"
-    )
+    message = f"cannot tell whether the device at {modem.where} is the modem of {name}"
+    return LinkFinding(Verdict.WARN, "whose-unknown", message, "set its `acoustic_address` under `endpoints.acoustic`")
 
 
 def two_modems(modem: AcousticModem, name: str, addresses: Collection[int]) -> LinkFinding:
     """Return the finding for contradicting addresses, which mean more than one modem."""
     text = " and ".join(map(str, sorted(addresses)))
-    message = f"what answers for {name} at {modem.where} tells the acoustic addresses {text}: it is more than one modem"
-    hint = "look what is connected to this end: one line serves one modem, and a program must not mix two of them"
+    message = (
+        f"the device that responds for {name} at {modem.where} reports the acoustic addresses {text}: it is "
+        "more than one modem"
+    )
+    hint = "check what is connected there: one line serves one modem, and no program may mix two"
     return LinkFinding(Verdict.FAIL, "two-modems", message, hint)

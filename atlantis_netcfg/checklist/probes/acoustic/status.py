@@ -36,33 +36,43 @@ LEVELS = {0: "maximum", 1: "-6 dB", 2: "-12 dB", 3: "-20 dB"}
 AIR_LEVEL = 3
 """The only source level for a modem in air: louder ones damage the transducer."""
 
-_OFF = "switch the modem off and on, or have its crew let it listen: this tool never switches it"
+_OFF = "switch the modem off and on, or ask its crew to make it listen: this program never does"
 STATES: dict[str, tuple[Verdict, str, str, str | None]] = {
     "INITIATION LISTEN": (Verdict.PASS, "listens", "listens", None),
-    "INITIATION ESTABLISH": (Verdict.WARN, "connecting", "is setting up a connection", "wait a minute, check again"),
-    "INITIATION DISCONNECT": (Verdict.WARN, "connecting", "is ending a connection", "wait a minute, check again"),
-    "ONLINE": (Verdict.WARN, "connected", "holds an acoustic connection", "let the vehicle end it, and check again"),
+    "INITIATION ESTABLISH": (
+        Verdict.WARN,
+        "connecting",
+        "is setting up a connection",
+        "wait a minute, then check again",
+    ),
+    "INITIATION DISCONNECT": (Verdict.WARN, "connecting", "is ending a connection", "wait a minute, then check again"),
+    "ONLINE": (
+        Verdict.WARN,
+        "connected",
+        "has an open acoustic connection",
+        "let the vehicle end it, then check again",
+    ),
     "BACKOFF": (Verdict.WARN, "backing-off", "waits after a collision with another modem", "check again in a minute"),
-    "OFFLINE READY": (Verdict.FAIL, "offline", "is switched off on its acoustic side (OFFLINE READY)", _OFF),
+    "OFFLINE READY": (Verdict.FAIL, "offline", "has its acoustic side switched off (OFFLINE READY)", _OFF),
     "OFFLINE CONNECTION FAILED": (Verdict.FAIL, "offline", "has lost a connection and does not listen", _OFF),
-    "OFFLINE TERMINATED": (Verdict.FAIL, "offline", "has been told to stop and does not listen", _OFF),
+    "OFFLINE TERMINATED": (Verdict.FAIL, "offline", "was stopped and does not listen", _OFF),
     "OFFLINE ALARM": (
         Verdict.FAIL,
         "alarm",
         "has an internal error (OFFLINE ALARM)",
-        "switch the modem off and on; if the alarm comes back, its maker has to look at it",
+        "switch the modem off and on; if the alarm returns, contact its manufacturer",
     ),
     "NOISE": (
         Verdict.FAIL,
         "noise",
         "cannot connect: there is too much noise around it (NOISE)",
-        "look for a pump, thruster or echo sounder that runs close by, and whether the transducer is in the water",
+        "check for a running pump, thruster or echo sounder nearby, and whether the transducer is in the water",
     ),
     "DEAF": (
         Verdict.FAIL,
         "deaf",
         "cannot receive (DEAF)",
-        "look at the transducer and its cable; in air a modem may be deaf: check again in the water",
+        "check the transducer and its cable; in air a modem may be deaf: check again in the water",
     ),
 }
 """State of an EvoLogics modem -> verdict, code, sentence, hint."""
@@ -177,12 +187,14 @@ class EvologicsStatus:
         state = evologics.state(reading.replies)
         if state is None:
             words = evologics.trouble_words(reading.replies, "AT?S")
-            message = f"the modem of {self.name} does not tell its state" + (f": it says `{words}`" if words else "")
-            hint = "check again in a minute; if it stays so, compare the firmware with another modem's"
+            message = f"the modem of {self.name} does not report its state" + (f": it says `{words}`" if words else "")
+            hint = "check again in a minute; if nothing changes, compare the firmware with another modem's"
             return LinkFinding(Verdict.INCONCLUSIVE, "no-state", message, hint)
         if state not in STATES:
-            message = f"the modem of {self.name} is in a state that nobody here knows: `{state}`"
-            return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
+            message = f"the modem of {self.name} is in an unknown state: `{state}`"
+            return LinkFinding(
+                Verdict.INCONCLUSIVE, "state-unknown", message, "ask its manufacturer what that state means"
+            )
         verdict, code, sentence, advice = STATES[state]
         return LinkFinding(verdict, code, f"the modem of {self.name} {sentence}", advice)
 
@@ -192,45 +204,47 @@ class EvologicsStatus:
             yield whose_unknown(self.modem, self.name)
         if address is None:
             if self.expected_address is not None:
-                message = f"the modem of {self.name} does not tell its address; {self.expected_address} is declared"
-                hint = "check again: what does not answer in time is left out"
+                message = (
+                    f"the modem of {self.name} does not report its address; the inventory says {self.expected_address}"
+                )
+                hint = "check again: a late response is not counted"
                 yield LinkFinding(Verdict.INCONCLUSIVE, "address-unknown", message, hint)
             return
         if len(reading.addresses) > 1:
             yield two_modems(self.modem, self.name, reading.addresses)
         if self.expected_address is not None and address != self.expected_address:
             message = (
-                f"the modem of {self.name} has the acoustic address {address}, and {self.expected_address} is declared"
+                f"the modem of {self.name} has the acoustic address {address}; the inventory says "
+                f"{self.expected_address}"
             )
-            hint = "have its crew set the address, or correct `acoustic_address` in the declaration"
+            hint = "ask its crew to set the address, or correct `acoustic_address` in the inventory"
             yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if address < 1 or (highest is not None and address > highest):
             message = (
-                f"the acoustic address {address} of {self.name} is not between 1 and its highest one, {highest or '?'}"
+                f"the acoustic address {address} of {self.name} is not between 1 and its highest address, "
+                f"{highest or '?'}"
             )
-            hint = "have its crew set an address within the range, the same highest address on all modems"
+            hint = "ask its crew to set an address within the range; the highest address must be the same on all modems"
             yield LinkFinding(Verdict.FAIL, "address-out-of-range", message, hint)
 
     def _level(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         level = reading.level
         if level is None:
-            message = f"the modem of {self.name} does not tell its source level"
+            message = f"the modem of {self.name} does not report its source level"
             yield LinkFinding(
                 Verdict.WARN, "level-unknown", message, "keep it from transmitting until it is in the water"
             )
         elif level != AIR_LEVEL:
-            message = f"the source level of {self.name} is {level_words(level)}; only {AIR_LEVEL} may sound in air"
-            hint = f"keep it from transmitting until it is in the water, or have its crew set level {AIR_LEVEL}"
+            message = f"the source level of {self.name} is {level_words(level)}; only {AIR_LEVEL} is allowed in air"
+            hint = f"keep it from transmitting until it is in the water, or ask its crew to set level {AIR_LEVEL}"
             yield LinkFinding(Verdict.WARN, "loud-for-air", message, hint)
 
     def _sound(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         speed = reading.setting("Sound Speed")
         low, high = SOUND_SPEED_MPS
         if speed is not None and not low <= speed <= high:
-            message = f"the modem of {self.name} counts with a sound speed of {speed} m/s, which water does not have"
-            hint = (
-                f"have its crew set the sound speed of the place, between {low} and {high} m/s: all ranges hang on it"
-            )
+            message = f"the modem of {self.name} uses a sound speed of {speed} m/s, which is impossible in water"
+            hint = f"ask its crew to set the local sound speed, between {low} and {high} m/s: all ranges depend on it"
             yield LinkFinding(Verdict.FAIL, "sound-speed", message, hint)
 
     def _reception(self, reading: AcousticReading) -> Iterator[LinkFinding]:
@@ -238,20 +252,20 @@ class EvologicsStatus:
         if rssi and not RSSI_DB[0] <= rssi <= RSSI_DB[1]:
             weak = rssi < RSSI_DB[0]
             message = f"the last reception of {self.name} was too {'weak' if weak else 'strong'}: {plain(rssi)} dB"
-            hint = "look at the transducers and what is between them" if weak else "move the modems apart"
+            hint = "check the transducers and what is between them" if weak else "move the modems apart"
             yield LinkFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
         if integrity and integrity < INTEGRITY_LOW:
             message = (
                 f"the last reception of {self.name} was poor: integrity {plain(integrity)}, good is {INTEGRITY_LOW}"
             )
-            hint = "look for echoes (walls, the hull, the surface) and noise, and check again"
+            hint = "check for echoes (walls, the hull, the surface) and noise, then check again"
             yield LinkFinding(Verdict.WARN, "integrity-low", message, hint)
 
     def _pending(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         if reading.settings is not None and reading.settings.pending:
             names = ", ".join(reading.settings.pending)
-            message = f"the modem of {self.name} has changes that are not in force yet: {names}"
-            yield LinkFinding(Verdict.WARN, "pending", message, "have its crew finish or drop them")
+            message = f"the modem of {self.name} has changes that are not active yet: {names}"
+            yield LinkFinding(Verdict.WARN, "pending", message, "ask its crew to apply or discard them")
 
 
 def _evidence(reading: AcousticReading) -> Iterator[Evidence]:
@@ -266,7 +280,7 @@ def _evidence(reading: AcousticReading) -> Iterator[Evidence]:
 
 BEACONS = range(1, 16)
 _IDLE = 0x3B
-_WORKING = {0x30: "is busy", 0x3C: "transmits", 0x3D: "waits for an answer", 0x3E: "receives", 0x3F: "answers"}
+_WORKING = {0x30: "is busy", 0x3C: "transmits", 0x3D: "waits for a response", 0x3E: "receives", 0x3F: "answers"}
 """States of the transceiver in which it is in use."""
 _STOP_STATE = 0x3A
 
@@ -306,8 +320,8 @@ def damage(name: str, transcript: base.Transcript) -> LinkFinding | None:
     if not damage_count:
         return None
     whole = len(seatrac.answers(transcript.data))
-    message = f"{damage_count} of {damage_count + whole} answers of the beacon of {name} came with a wrong checksum"
-    hint = "look at the serial cable and its rate (`baud`), and whether two programs write to the port"
+    message = f"{damage_count} of {damage_count + whole} responses of the beacon of {name} had a wrong checksum"
+    hint = "check the serial cable and its rate (`baud`), and whether two programs write to the port"
     return LinkFinding(Verdict.WARN if whole else Verdict.INCONCLUSIVE, "checksum", message, hint)
 
 
@@ -343,39 +357,44 @@ class SeatracStatus:
     def _state(self, beacon: Beacon) -> LinkFinding:
         who, state = f"the beacon of {self.name}", beacon.state
         if state is None:
-            hint = "check again in a minute; a beacon that the vehicle keeps busy answers late"
-            return LinkFinding(Verdict.INCONCLUSIVE, "no-state", f"{who} does not tell what its transceiver does", hint)
+            hint = "check again in a minute; a busy beacon responds late"
+            return LinkFinding(
+                Verdict.INCONCLUSIVE, "no-state", f"{who} does not report the state of its transceiver", hint
+            )
         if state == _IDLE:
             return LinkFinding(Verdict.PASS, "listens", f"{who} listens")
         if state == _STOP_STATE:
-            hint = "switch the beacon off and on: this tool never starts it"
-            return LinkFinding(Verdict.FAIL, "stopped", f"{who} has its transceiver stopped", hint)
+            hint = "switch the beacon off and on: this program never starts it"
+            return LinkFinding(Verdict.FAIL, "stopped", f"the transceiver of {who} is stopped", hint)
         if state in _WORKING:
-            hint = "check again when the vehicle does not use it"
+            hint = "check again when the vehicle is not using it"
             return LinkFinding(Verdict.WARN, "working", f"{who} {_WORKING[state]} at the moment", hint)
-        message = f"{who} is in a state that nobody here knows: 0x{state:02X}"
-        return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
+        message = f"{who} is in an unknown state: 0x{state:02X}"
+        return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its manufacturer what that state means")
 
     def _number(self, beacon: Beacon) -> Iterator[LinkFinding]:
         if self.expected_address is None:
             yield whose_unknown(self.modem, self.name)
         if beacon.settings is None:
-            hint = "check again; a longer record than ours is read, a shorter one is not"
+            hint = "check again; a settings record shorter than expected is not read"
             yield LinkFinding(
-                Verdict.INCONCLUSIVE, "settings-unknown", f"the beacon of {self.name} does not tell its settings", hint
+                Verdict.INCONCLUSIVE,
+                "settings-unknown",
+                f"the beacon of {self.name} does not report its settings",
+                hint,
             )
             return
         if len(beacon.numbers) > 1:
             yield two_modems(self.modem, self.name, beacon.numbers)
         number = beacon.settings.beacon
         if self.expected_address is not None and number != self.expected_address:
-            message = f"the beacon of {self.name} has the number {number}, and {self.expected_address} is declared"
-            hint = "have its crew set the number, or correct `acoustic_address` in the declaration"
+            message = f"the beacon of {self.name} has the number {number}; the inventory says {self.expected_address}"
+            hint = "ask its crew to set the number, or correct `acoustic_address` in the inventory"
             yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if number not in BEACONS:
-            message = f"the beacon of {self.name} has the number {number}; there are 1 to 15"
+            message = f"the beacon of {self.name} has the number {number}; valid numbers are 1 to 15"
             yield LinkFinding(
-                Verdict.FAIL, "address-out-of-range", message, "have its crew set one that nobody else has"
+                Verdict.FAIL, "address-out-of-range", message, "ask its crew to set a number that no other beacon has"
             )
 
     def _sound(self, beacon: Beacon) -> Iterator[LinkFinding]:
@@ -385,8 +404,8 @@ class SeatracStatus:
         low, high = SOUND_SPEED_MPS
         if speed is not None and not low <= speed <= high:
             who = f"the beacon of {self.name}"
-            message = f"{who} counts with a sound speed of {plain(speed)} m/s, which water does not have"
-            hint = "have its crew let the beacon work it out, or set that of the place: all ranges hang on it"
+            message = f"{who} uses a sound speed of {plain(speed)} m/s, which is impossible in water"
+            hint = "ask its crew to let the beacon compute it, or to set the local one: all ranges depend on it"
             yield LinkFinding(Verdict.FAIL, "sound-speed", message, hint)
 
 
@@ -402,7 +421,7 @@ def _beacon_values(beacon: Beacon) -> Iterator[tuple[str, str | None]]:
         yield "transceiver", f"0x{beacon.state:02X}"
     if beacon.settings is not None:
         yield "number", str(beacon.settings.beacon)
-        yield "sound speed that is set", f"{plain(beacon.settings.sound_speed_mps)} m/s"
+        yield "configured sound speed", f"{plain(beacon.settings.sound_speed_mps)} m/s"
     if beacon.status is not None:
         yield "supply", _with_unit(beacon.status.supply_v, "V")
         yield "depth", _with_unit(beacon.status.depth_m, "m")

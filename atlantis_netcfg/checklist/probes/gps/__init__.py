@@ -207,9 +207,9 @@ class RouterosGps:
 
     def _off(self, settings: base.Rows) -> LinkFinding:
         if settings.rows is None:
-            message = f"{self.host} does not know `/system gps`"
+            message = f"{self.host} has no menu `/system gps`"
             return LinkFinding(
-                Verdict.FAIL, "driver-not-started", message, "install the package gps of its RouterOS version"
+                Verdict.FAIL, "driver-not-started", message, "install the package gps for its RouterOS version"
             )
         message = f"the receiver of {self.host} is not switched on"
         return LinkFinding(
@@ -230,8 +230,8 @@ class Nowhere:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Return the finding that the address is missing."""
         del results
-        message = f"nobody has declared the address of {self.name}'s receiver"
-        hint = f"declare `address:` under its `endpoints.gps`, or a DHCP reservation with the name of {self.name}'s key"
+        message = f"the inventory has no address for the receiver of {self.name}"
+        hint = f"set `address:` under its `endpoints.gps`, or add a DHCP reservation with the key of {self.name}"
         return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
 
 
@@ -253,7 +253,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     return (
         base.Step(
             name="",
-            title=f"{cell.name} knows where it is",
+            title=f"{cell.name} has a valid position",
             kind=ItemKind.AUTOMATIC,
             phase=Phase.QUAY,
             probe=_probe(cell, endpoint),
@@ -266,11 +266,11 @@ def _manual_step(cell: base.Cell) -> base.Step:
     dimensions = "3D" if _is_uav(cell) else "2D or 3D"
     return base.Step(
         name="",
-        title=f"{cell.name} knows where it is",
+        title=f"{cell.name} has a valid position",
         kind=ItemKind.PERSON,
         phase=Phase.QUAY,
-        do=f"Bring {cell.name} under an open sky, and watch its position in its operator's program for a minute.",
-        look_for=f"A {dimensions} fix that stays, where it is on the map to a few metres, at the right time (UTC).",
+        do=f"Bring {cell.name} under an open sky, and watch its position in the operator's program for a minute.",
+        look_for=f"A {dimensions} fix that stays, matches the map to a few metres, and has the right time (UTC).",
     )
 
 

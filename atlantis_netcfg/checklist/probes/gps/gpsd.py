@@ -89,7 +89,7 @@ class _GpsdReading:
             self.hdop[device] = hdop
 
     def _error(self, _: float, values: Mapping[str, Any]) -> None:
-        self.complaints.append(_words(values, "message") or "an error without words")
+        self.complaints.append(_words(values, "message") or "an error without a message")
 
 
 _MANY = 1000
@@ -113,7 +113,7 @@ def read(transcript: Transcript) -> record.Reception:
         good=reading.good,
         bad=reading.bad,
         devices=None if open_devices is None else tuple(path for path, is_open in open_devices.items() if is_open),
-        others=tuple(path or "one without a name" for path in others),
+        others=tuple(path or "an unnamed one" for path in others),
         rivals=tuple(_complete(its)[-1] for its in others.values() if _complete(its)[-1].has_fix),
         device=device,
         version=reading.version,

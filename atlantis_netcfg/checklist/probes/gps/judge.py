@@ -97,9 +97,9 @@ def _find_problems(reception: record.Reception, expectation: record.GpsExpectati
         yield from _quality(reception, expectation)
     total = reception.good + reception.bad
     if reception.bad > 1 and reception.bad > BAD_SHARE * total:
-        message = f"{reception.bad} of {total} lines from {expectation.end} are damaged"
+        message = f"{reception.bad} of {total} lines from {expectation.end} are corrupt"
         verdict = Verdict.FAIL if reception.bad > WORST_SHARE * total else Verdict.WARN
-        hint = "look at the cable, the baud rate, and for a second talker on the line"
+        hint = "check the cable, the baud rate, and whether a second device sends on the line"
         yield LinkFinding(verdict, "damaged", message, hint)
 
 
@@ -109,23 +109,23 @@ def _fix_findings(reception: record.Reception, expectation: record.GpsExpectatio
     roof = "" if expectation.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
     count, required_count = len(reception.fixes), expectation.reports
     if not any(report.has_fix for report in reception.reports):
-        message = f"{expectation.name}'s receiver works and has no fix{roof}"
+        message = f"the receiver of {expectation.name} works but has no fix{roof}"
         yield LinkFinding(
-            sky, "no-fix", message, "bring the antenna under an open sky and wait a minute; then look at its cable"
+            sky, "no-fix", message, "bring the antenna under an open sky and wait a minute; then check its cable"
         )
     elif not count or (reception.losses and count < required_count):
-        message = f"{expectation.name}'s receiver had a fix and lost it while we listened{roof}"
+        message = f"the receiver of {expectation.name} lost its fix during the check{roof}"
         yield LinkFinding(
-            sky, "fix-lost", message, "look at what stands over the antenna, at its cable, and for jammers near it"
+            sky, "fix-lost", message, "check for obstructions over the antenna, its cable, and jammers nearby"
         )
     elif reception.losses:
-        message = f"{expectation.name}'s fix was lost and came back while we listened, {_times_text(reception.losses)}"
+        message = f"{expectation.name} lost its fix and regained it during the check, {_times_text(reception.losses)}"
         yield LinkFinding(
-            Verdict.WARN, "fix-unsteady", message, "look at what stands over the antenna, and at its cable"
+            Verdict.WARN, "fix-unsteady", message, "check for obstructions over the antenna, and its cable"
         )
     elif count < required_count and not reception.single and _check_stall(reception, expectation) is None:
-        message = f"{count} of {required_count} positions came in {reception.ended_s:.0f} s"
-        hint = "let the receiver report once a second, or repeat this item"
+        message = f"received {count} of {required_count} positions in {reception.ended_s:.0f} s"
+        hint = "set the receiver to report once a second, or repeat this item"
         few = count < min(FEWEST, required_count)
         yield LinkFinding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
 
@@ -136,8 +136,8 @@ def _times_text(count: int) -> str:
 
 def _dimensions(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     if expectation.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
-        message = f"{expectation.name} has a 2D fix and flies: its height is not measured"
-        yield LinkFinding(Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions")
+        message = f"{expectation.name} flies and has only a 2D fix: its height is not measured"
+        yield LinkFinding(Verdict.FAIL, "fix-2d", message, "wait under an open sky for a 3D fix")
 
 
 def _check_position(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
@@ -145,14 +145,14 @@ def _check_position(reception: record.Reception, expectation: record.GpsExpectat
     impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
         where = place(impossible[0].latitude, impossible[0].longitude)
-        message = f"{expectation.name}'s receiver claims a fix at {where}, which is no position"
+        message = f"the receiver of {expectation.name} reports a fix at {where}, which is not a valid position"
         yield LinkFinding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
         return
     positions = [_position(fix) for fix in reception.fixes]
     if any(abs(latitude) < NULL_DEGREES and abs(longitude) < NULL_DEGREES for latitude, longitude in positions):
-        message = f"{expectation.name}'s position is 0, 0: its driver fills in zeros where it has nothing"
+        message = f"the position of {expectation.name} is 0, 0: its driver reports zeros for missing values"
         yield LinkFinding(
-            Verdict.FAIL, "position-null", message, "restart the driver; it must not claim a fix without a position"
+            Verdict.FAIL, "position-null", message, "restart the driver; it must not report a fix without a position"
         )
         return
     yield from _jumps(reception.fixes, positions, expectation)
@@ -161,8 +161,8 @@ def _check_position(reception: record.Reception, expectation: record.GpsExpectat
     if expectation.fence is not None:
         yield from _outside(positions, expectation.fence, expectation)
     else:
-        message = f"{expectation.name} is at {place(*positions[-1])}; nobody has declared where it should be"
-        yield LinkFinding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
+        message = f"{expectation.name} is at {place(*positions[-1])}; the inventory does not say where it should be"
+        yield LinkFinding(Verdict.WARN, "no-geofence", message, "set `checklist.geofence` of the site")
 
 
 def _position(report: record.Report) -> tuple[float, float]:
@@ -176,12 +176,12 @@ def _jumps(
     steps = [(distance_m(*item, *then), gap) for (item, then), gap in zip(pairwise(positions), gaps, strict=True)]
     wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
     if wide:
-        message = f"{expectation.name}'s position jumps by {meters(max(wide))} from one report to the next"
+        message = f"the position of {expectation.name} jumps by {meters(max(wide))} between two reports"
         yield LinkFinding(
             Verdict.FAIL,
             "position-jumps",
             message,
-            "move the antenna away from walls and water's edge, or wait for more satellites",
+            "move the antenna away from walls and the water's edge, or wait for more satellites",
         )
 
 
@@ -194,10 +194,8 @@ def _frozen(
     if lasted_s < MOVES_S or len(set(positions)) > 1 or any(item is None or item < MOVES_M_S for item in speeds):
         return
     speed = min(entry for entry in speeds if entry is not None)
-    message = f"{expectation.name}'s position stands still while its speed is {speed:.1f} m/s"
-    yield LinkFinding(
-        Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats the position that it had"
-    )
+    message = f"the position of {expectation.name} does not change while its speed is {speed:.1f} m/s"
+    yield LinkFinding(Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats an old position")
 
 
 def _rivals(
@@ -207,9 +205,10 @@ def _rivals(
     apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
     if apart and max(apart) > RIVAL_M:
         message = (
-            f"two positions come from {expectation.end}, {meters(max(apart))} apart: which is {expectation.name}'s?"
+            f"two positions come from {expectation.end}, {meters(max(apart))} apart; which one is "
+            f"{expectation.name}'s is unknown"
         )
-        hint = "give each receiver a port of its own, and declare the one that the vehicle uses"
+        hint = "give each receiver its own port, and put the one that the vehicle uses in the inventory"
         yield LinkFinding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
 
 
@@ -219,16 +218,14 @@ def _outside(positions: _Positions, fence: Geofence, expectation: record.GpsExpe
         return
     far = max(outside, key=lambda item: from_middle_m(fence, *item))
     if all(_is_inside(fence, longitude, latitude) for latitude, longitude in outside):
-        text = f"{place(*far)} lies in the geofence the other way round"
-        message = f"{expectation.name}'s latitude and longitude are swapped: {text}"
-        hint = (
-            "mend the driver or the converter that exchanges them: latitude comes first, longitudes west are negative"
-        )
+        text = f"{place(*far)} is inside the geofence with latitude and longitude swapped"
+        message = f"latitude and longitude of {expectation.name} are swapped: {text}"
+        hint = "fix the driver or the converter that swaps them: latitude comes first, west longitudes are negative"
         yield LinkFinding(Verdict.FAIL, "position-swapped", message, hint)
         return
     away = meters(from_middle_m(fence, *far))
     message = (
-        f"{expectation.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
+        f"{expectation.name} is at {place(*far)}, {away} from the centre of the geofence of {meters(fence.radius_m)}"
     )
     yield LinkFinding(Verdict.FAIL, "outside-geofence", message, _sign_hint(fence, *far))
 
@@ -239,10 +236,10 @@ def _is_inside(fence: Geofence, latitude: float, longitude: float) -> bool:
 
 def _sign_hint(fence: Geofence, latitude: float, longitude: float) -> str:
     if _is_inside(fence, latitude, -longitude):
-        return "the sign of the longitude is lost: west is negative; mend the driver or the converter"
+        return "the sign of the longitude is missing: west is negative; fix the driver or the converter"
     if _is_inside(fence, -latitude, longitude):
-        return "the sign of the latitude is lost: south is negative; mend the driver or the converter"
-    return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
+        return "the sign of the latitude is missing: south is negative; fix the driver or the converter"
+    return "compare it with the map: either the receiver or `checklist.geofence` of the site is wrong"
 
 
 def _check_time(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
@@ -252,17 +249,17 @@ def _check_time(reception: record.Reception, expectation: record.GpsExpectation)
         yield stale
         return
     if all(item.time is None for item in reception.fixes):
-        hint = "let the receiver send RMC or ZDA as well"
+        hint = "configure the receiver to send RMC or ZDA as well"
         if all(fix.of_day is None for fix in reception.fixes):
-            message = f"{expectation.name}'s positions have no time: nobody can tell whether they are of now"
+            message = f"the positions of {expectation.name} have no time: they may be old"
             yield LinkFinding(Verdict.INCONCLUSIVE, "no-time", message, hint)
         else:
-            message = f"{expectation.name}'s positions have a time and no date: GGA and GLL have none"
+            message = f"the positions of {expectation.name} have a time but no date: GGA and GLL have none"
             yield LinkFinding(Verdict.WARN, "no-date", message, hint)
     back_s = max((_backward_step_s(report, then) for report, then in pairwise(reception.fixes)), default=0.0)
     if back_s > BACK_S:
-        message = f"{expectation.name}'s time goes back by {_format_duration(back_s)} from one position to the next"
-        hint = "look whether two receivers talk on this line, or a recorded log begins again and again"
+        message = f"the time of {expectation.name} goes back by {_format_duration(back_s)} between two positions"
+        hint = "check whether two receivers send on this line, or a recorded log is replayed in a loop"
         yield LinkFinding(Verdict.FAIL, "time-goes-back", message, hint)
         return
     yield from _clock(reception, expectation)
@@ -283,8 +280,10 @@ def _check_stall(reception: record.Reception, expectation: record.GpsExpectation
     age_s = reception.ended_s - fixes[-1].at_s
     # Whoever reports rarely is late between two reports, and is told that it is slow.
     if age_s > expectation.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
-        message = f"{expectation.name}'s last position is {age_s:.0f} s old: no more came"
-        return LinkFinding(Verdict.FAIL, "fix-stale", message, "look whether the receiver and its driver still run")
+        message = f"the last position of {expectation.name} is {age_s:.0f} s old: none came after it"
+        return LinkFinding(
+            Verdict.FAIL, "fix-stale", message, "check whether the receiver and its driver are still running"
+        )
     first = len(fixes) - 1
     while first and fixes[first - 1].stamp == fixes[-1].stamp is not None:
         first -= 1
@@ -292,9 +291,9 @@ def _check_stall(reception: record.Reception, expectation: record.GpsExpectation
     if repeats < min(3, expectation.reports):
         return None
     if repeats >= expectation.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
-        message = f"{expectation.name}'s receiver tells the same position again and again: its time stands still"
+        message = f"the receiver of {expectation.name} repeats one position: its time does not advance"
         return LinkFinding(
-            Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats what it had last"
+            Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats the last value"
         )
     return None
 
@@ -305,33 +304,30 @@ def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> I
     whose = clock_of(reception, expectation)
     if ahead_s is None:
         if any(fix.stamp is not None for fix in reception.fixes):
-            message = f"nobody has compared the time of {expectation.name}'s receiver with a clock"
+            message = f"the time of the receiver of {expectation.name} was not compared with a clock"
             yield LinkFinding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
         return
     if uneven_s > UNEVEN_S:
-        message = (
-            f"{expectation.name}'s time does not go as the clock of {whose} does:"
-            f" they move {_format_duration(uneven_s)} apart"
-        )
-        hint = "look whether a recorded log is replayed to this end, at another pace than it was recorded"
+        message = f"the time of {expectation.name} drifts from the clock of {whose}: by {_format_duration(uneven_s)}"
+        hint = "check whether a recorded log is replayed at this endpoint at another speed"
         yield LinkFinding(Verdict.FAIL, "time-uneven", message, hint)
         return
     if abs(ahead_s) <= CLOCK_S or (reception.zone_s and abs(ahead_s - reception.zone_s) <= CLOCK_S):
         return
     message = f"{expectation.name}'s receiver is {clock_words(ahead_s)} the clock of {whose}"
     verdict = Verdict.FAIL if ahead_s < 0 else Verdict.INCONCLUSIVE
-    hint = f"see which of the two is wrong: compare both with a third clock, {whose} with its time server"
+    hint = f"find out which of the two is wrong: compare both with a third clock, and {whose} with its time server"
     if _is_multiple(ahead_s, ROLLOVER_S):
         verdict = Verdict.INCONCLUSIVE
         hint = (
-            "if its week number has rolled over, its positions are right all the same, and it needs newer firmware: "
-            "compare one with the map, and override this with that reason"
+            "after a week-number rollover its positions are still right: compare one with the map, override this "
+            "item with that reason, and update the firmware"
         )
     elif _is_zone_offset(ahead_s):
         verdict = Verdict.INCONCLUSIVE
-        hint = "one of them runs in a time zone (receivers and computers keep UTC here), or an old log is replayed"
+        hint = "one of them is set to a time zone (receivers and computers use UTC here), or an old log is replayed"
     elif abs(ahead_s) > record.DAY_S:
-        hint = f"see whether a recorded log is replayed to its port; else compare {whose} with a third clock"
+        hint = f"check whether a recorded log is replayed to its port; otherwise compare {whose} with a third clock"
     yield LinkFinding(verdict, "clock-differs", message, hint)
 
 
@@ -367,11 +363,14 @@ def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> 
     if nature is not None:
         verdict, hint = _NATURES[nature]
         code = f"position-{nature.name.lower().replace('_', '-')}"
-        yield LinkFinding(verdict, code, f"{expectation.name}'s position is {nature}, not measured", hint)
+        yield LinkFinding(verdict, code, f"the position of {expectation.name} is {nature}, not measured", hint)
         return
     count = reception.satellites
     if count is not None and count < LEAST_SATELLITES:
-        message = f"{expectation.name}'s receiver claims a fix of {count} satellites: {LEAST_SATELLITES} are the fewest"
+        message = (
+            f"the receiver of {expectation.name} reports a fix from {count} satellites: at least "
+            f"{LEAST_SATELLITES} are needed"
+        )
         hint = "find out where the position comes from: a simulator, a fixed position, or a driver that fills it in"
         # gpsd counts by numbers that some receivers give otherwise in GSA than in GSV (geos-1m of its own logs).
         verdict = Verdict.WARN if expectation.driver is GpsDriver.GPSD else Verdict.FAIL
@@ -379,38 +378,38 @@ def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> 
 
 
 _NATURES = {
-    record.Nature.SIMULATED: (Verdict.FAIL, "stop the simulator, or the replayed log, that feeds the receiver's port"),
+    record.Nature.SIMULATED: (Verdict.FAIL, "stop the simulator or the log replay that feeds the receiver's port"),
     record.Nature.MANUAL: (
         Verdict.INCONCLUSIVE,
-        "take the receiver out of its fixed-position mode; of a mast that was surveyed, override this with that reason",
+        "disable the receiver's fixed-position mode; for a surveyed mast, override this item with that reason",
     ),
-    record.Nature.DEAD_RECKONING: (Verdict.WARN, "bring the antenna under an open sky: satellites are not used now"),
+    record.Nature.DEAD_RECKONING: (Verdict.WARN, "bring the antenna under an open sky: satellites are not in use now"),
 }
 """Nature of a position -> verdict and hint, worst first."""
 
 
 def _quality(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     eph_m, hdop = reception.fixes[-1].eph_m, reception.hdop
-    hint = "wait for more satellites, or clear the antenna's view"
+    hint = "wait for more satellites, or clear the view of the antenna"
     # Written so that what is no number is poor, too.
     if eph_m is not None and not 0 <= eph_m <= POOR_EPH_M:
         nothing = expectation.fence is not None and not 0 <= eph_m <= expectation.fence.radius_m
-        message = f"{expectation.name}'s position is uncertain: the receiver's estimate is {meters(eph_m)}"
+        message = f"the position of {expectation.name} is uncertain: the receiver estimates an error of {meters(eph_m)}"
         yield LinkFinding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
     elif hdop is not None and not 0 <= hdop <= POOR_HDOP:
-        message = f"{expectation.name}'s satellites stand badly: HDOP {hdop:.1f}"
+        message = f"{expectation.name} has a poor satellite geometry: HDOP {hdop:.1f}"
         verdict = Verdict.WARN if 0 <= hdop <= NO_HDOP else Verdict.INCONCLUSIVE
         yield LinkFinding(verdict, "position-uncertain", message, hint)
 
 
 def _good_finding(reception: record.Reception, expectation: record.GpsExpectation) -> LinkFinding:
     last = reception.fixes[-1]
-    count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
+    count = "" if reception.satellites is None else f" from {reception.satellites} satellites"
     where = place(last.latitude, last.longitude)
     if expectation.fence is not None and last.latitude is not None and last.longitude is not None:
         where += (
-            f", {meters(from_middle_m(expectation.fence, last.latitude, last.longitude))} from the middle of the "
-            "geofence"
+            f", {meters(from_middle_m(expectation.fence, last.latitude, last.longitude))} from the centre of "
+            "the geofence"
         )
     return LinkFinding(Verdict.PASS, "fix", f"{expectation.name} has a {last.mode}D fix{count} at {where}")
 
@@ -425,8 +424,10 @@ def evidence(reception: record.Reception, expectation: record.GpsExpectation) ->
     source = expectation.source.replace("gpsd", f"gpsd{version}", 1) + device
     items = [Evidence(type=_READ, what="source", value=source)]
     if reception.others:
-        items.append(Evidence(type=_READ, what="other receivers, left aside", value=", ".join(reception.others)))
-    items += [Evidence(type=_READ, what="complaint of the source", value=words) for words in reception.complaints[:3]]
+        items.append(Evidence(type=_READ, what="other receivers, ignored", value=", ".join(reception.others)))
+    items += [
+        Evidence(type=_READ, what="error reported by the source", value=words) for words in reception.complaints[:3]
+    ]
     if reception.reports:
         items += _reception_evidence(reception, expectation)
     return tuple(items)
@@ -444,7 +445,7 @@ def _reception_evidence(reception: record.Reception, expectation: record.GpsExpe
     ahead_s = reception.clock_ahead_s
     if ahead_s is not None:
         value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, expectation)}"
-        yield Evidence(type=_MEASUREMENT, what="time of the receiver", value=value)
+        yield Evidence(type=_MEASUREMENT, what="receiver time", value=value)
     yield Evidence(type=_MEASUREMENT, what="reports", value=_count(reception))
     yield Evidence(type=_INVENTORY, what="geofence", value=_fence(last, expectation))
 
@@ -460,7 +461,7 @@ def _fix(last: record.Report, reception: record.Reception) -> str:
 
 def _count(reception: record.Reception) -> str:
     if reception.single:
-        return "1: a RouterOS device tells its latest position only"
+        return "1: a RouterOS device reports only its latest position"
     total, text = len(reception.reports), f"in {reception.ended_s:.0f} s"
     return f"{len(reception.fixes)} fixes in a row at the end of {total} reports {text}"
 
@@ -468,8 +469,8 @@ def _count(reception: record.Reception) -> str:
 def _fence(last: record.Report, expectation: record.GpsExpectation) -> str:
     fence = expectation.fence
     if fence is None:
-        return "none is declared"
-    words = f"{place(fence.latitude, fence.longitude)}, {meters(fence.radius_m)} around"
+        return "none in the inventory"
+    words = f"{place(fence.latitude, fence.longitude)}, radius {meters(fence.radius_m)}"
     if last.has_fix and last.possible and last.latitude is not None and last.longitude is not None:
-        words += f"; the position is {meters(from_middle_m(fence, last.latitude, last.longitude))} from its middle"
+        words += f"; the position is {meters(from_middle_m(fence, last.latitude, last.longitude))} from its centre"
     return words

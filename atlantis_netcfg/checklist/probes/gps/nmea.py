@@ -213,7 +213,7 @@ def read(transcript: Transcript) -> record.Reception:
         heard_bytes=len(transcript.data),
         good=good,
         bad=bad,
-        others=tuple(name or "one without a name" for name in others),
+        others=tuple(name or "an unnamed one" for name in others),
         rivals=(*epochs.doubles, *(other.reports[-1] for other in others.values() if other.reports[-1].has_fix)),
         device=device,
         satellites=epochs.satellites,

@@ -190,7 +190,7 @@ def lines(transcript: Transcript) -> Iterator[tuple[float, bytes]]:
 
 
 _INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
-_STREAM = "read what the program that has it passes on: declare `driver: gpsd` or `nmea_tcp`"
+_STREAM = "read from the program that has it open: set `driver: gpsd` or `nmea_tcp`"
 
 
 def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) -> LinkFinding:
@@ -248,14 +248,14 @@ def _refusal_finding(expectation: GpsExpectation) -> LinkFinding:
         return LinkFinding(
             _FAIL,
             "driver-not-started",
-            f"{expectation.name} is there, but no gpsd listens at {expectation.end}",
-            f"start gpsd on {expectation.name}, with its option -G: without it gpsd serves its own computer only",
+            f"{expectation.name} is reachable, but no gpsd listens at {expectation.end}",
+            f"start gpsd on {expectation.name} with its option -G: without it gpsd serves only its own computer",
         )
     return LinkFinding(
         _INCONCLUSIVE,
         "refused",
-        f"{expectation.end} turns us away: its program is not started, or serves one client and has it",
-        f"look on {expectation.name} whether the program that passes NMEA on runs, and who is connected to it",
+        f"{expectation.end} refuses the connection: its program is not running, or serves only one client",
+        f"check on {expectation.name} whether the NMEA program runs, and which client is connected to it",
     )
 
 
@@ -270,7 +270,7 @@ def speechless(reception: Reception, expectation: GpsExpectation) -> LinkFinding
             _FAIL,
             "device-missing",
             f"{expectation.source} runs, but has no receiver open",
-            "plug the receiver in; DEVICES of /etc/default/gpsd names its port, and gpsd's log says why it fails",
+            "connect the receiver; DEVICES in /etc/default/gpsd sets its port, and gpsd's log shows why it fails",
         )
     return _no_data(reception, expectation)
 
@@ -280,14 +280,13 @@ def _foreign_finding(reception: Reception, expectation: GpsExpectation) -> LinkF
         return LinkFinding(
             _FAIL,
             "not-gpsd",
-            f"what answers at {expectation.end} is not gpsd: {reception.heard_bytes} bytes,"
-            " no line of its JSON among them",
-            "compare `port:` with the port on which gpsd listens (2947 unless its option -S says otherwise)",
+            f"{expectation.end} is not gpsd: it sent {reception.heard_bytes} bytes without one line of gpsd's JSON",
+            "compare `port:` with the port on which gpsd listens (2947 unless option -S changes it)",
         )
     hint = "compare `port:` with the port of the NMEA stream"
     if expectation.driver is GpsDriver.NMEA_SERIAL:
         hint = "compare `baud:` with the receiver's rate: 4800, 9600, 38400 and 115200 are usual"
-    message = f"{reception.heard_bytes} bytes came from {expectation.end}, no whole NMEA sentence among them"
+    message = f"{reception.heard_bytes} bytes came from {expectation.end}, but no complete NMEA sentence"
     return LinkFinding(_FAIL, "not-nmea", message, hint)
 
 
@@ -295,25 +294,22 @@ def _no_data(reception: Reception, expectation: GpsExpectation) -> LinkFinding:
     after = f"in {reception.ended_s:.0f} s"
     if expectation.driver is GpsDriver.GPSD:
         devices = ", ".join(reception.devices or ()) or "its receiver"
-        message = f"{expectation.source} has opened {devices}, which says nothing {after}"
+        message = f"{expectation.source} has opened {devices}, which sent nothing {after}"
         return LinkFinding(
-            _FAIL, "no-data", message, "look at the receiver's power and wires; gpsd tries the baud rates itself"
+            _FAIL, "no-data", message, "check the receiver's power and wiring; gpsd tries the baud rates itself"
         )
     if expectation.driver is GpsDriver.ROUTEROS:
         hint = "compare `port` of `/system gps` with the port of the receiver"
-        return LinkFinding(_FAIL, "no-data", f"{expectation.source} tells nothing of its receiver", hint)
+        return LinkFinding(_FAIL, "no-data", f"{expectation.source} reports nothing about its receiver", hint)
     if reception.is_recognized:
         message = (
-            f"{reception.good} NMEA sentences came from {expectation.end} {after}, no position among them (GGA, RMC, "
-            "GLL)"
+            f"{reception.good} NMEA sentences came from {expectation.end} {after}, but no position (GGA, RMC, GLL)"
         )
-        return LinkFinding(_FAIL, "no-data", message, "let the receiver send GGA, RMC and GSA")
+        return LinkFinding(_FAIL, "no-data", message, "configure the receiver to send GGA, RMC and GSA")
     if expectation.driver is GpsDriver.NMEA_SERIAL:
-        message = f"{expectation.end} is there and says nothing {after}"
-        return LinkFinding(_FAIL, "no-data", message, "look at the receiver's power and wires")
+        message = f"{expectation.end} is open but sent nothing {after}"
+        return LinkFinding(_FAIL, "no-data", message, "check the receiver's power and wiring")
     # A server for one client may as well let the second one wait.
-    message = f"{expectation.end} takes the connection and says nothing {after}"
-    hint = (
-        f"look on {expectation.name} whether the receiver is on, and whether its program serves one client and has it"
-    )
+    message = f"{expectation.end} accepts the connection but sent nothing {after}"
+    hint = f"check on {expectation.name} whether the receiver is on, and whether its program serves only one client"
     return LinkFinding(_INCONCLUSIVE, "no-data", message, hint)

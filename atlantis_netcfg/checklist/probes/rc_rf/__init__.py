@@ -44,14 +44,14 @@ def evidence(stream: Stream, expectation: RcExpectation) -> tuple[report.Evidenc
 
 
 def _find_evidence(source: Stream, expectation: RcExpectation) -> Iterator[report.Evidence]:
-    versions = " and ".join(map(str, source.versions)) or "of no known version"
-    stream = f"MAVLink {versions}, {source.good} frames and {source.bad} damaged pieces in {source.ended_s:.0f} s"
+    versions = " and ".join(map(str, source.versions)) or "of unknown version"
+    stream = f"MAVLink {versions}, {source.good} frames and {source.bad} corrupted pieces in {source.ended_s:.0f} s"
     yield report.Evidence(type=_MEASUREMENT, what=f"stream at {expectation.end}", value=stream)
     autopilots = ", ".join(map(str, source.autopilots)) or "none"
     yield report.Evidence(type=_READ, what="system ids with an autopilot", value=autopilots)
     system = source.systems.get(expectation.system_id, System())
     if any(system.senders):
-        yield report.Evidence(type=_MEASUREMENT, what="its stream comes from", value=", ".join(system.senders))
+        yield report.Evidence(type=_MEASUREMENT, what="source of its stream", value=", ".join(system.senders))
     if system.beats:
         state = "armed" if any(beat.is_armed for beat in system.beats) else "disarmed"
         yield report.Evidence(type=_READ, what="autopilot", value=f"{state}, {len(system.beats)} heartbeats")
@@ -81,8 +81,8 @@ def _values(values: tuple[int | None, ...]) -> str:
 def _describe_rssi(result: list[int]) -> str:
     known_rssi = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if not known_rssi:
-        return "not known (255)"
-    return f"{min(known_rssi)} to {max(known_rssi)} in a scale of its own"
+        return "unknown (255)"
+    return f"{min(known_rssi)} to {max(known_rssi)} on its own scale"
 
 
 LISTEN_S = 8.0
@@ -166,7 +166,7 @@ def _stream_steps(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, .
     return (
         base.Step(
             name="",
-            title=f"{cell.name} hears its remote control, and is disarmed",
+            title=f"{cell.name} receives its remote control, and is disarmed",
             kind=report.ItemKind.AUTOMATIC,
             phase=report.Phase.BENCH,
             probe=RcHeard(expectation, place),
@@ -179,9 +179,9 @@ def _stream_steps(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, .
             phase=report.Phase.BENCH,
             probe=StickMovementProbe(expectation, place),
             consent=base.Consent(
-                question=f"the propellers are off {cell.name}, or it is disarmed and secured, and nobody is near it",
+                question=f"the propellers are off {cell.name}, or it is disarmed and secured; nobody is near it",
                 # Held in a corner, a stick arms or disarms.
-                prompt=f"ask the pilot of {cell.name} to move both sticks in circles, and to hold them in no corner",
+                prompt=f"ask the pilot of {cell.name} to move both sticks in circles, without holding them in a corner",
             ),
             concerns=concerns,
         ),
@@ -191,16 +191,16 @@ def _stream_steps(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, .
 def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
-        title=f"{cell.name} hears its remote control",
+        title=f"{cell.name} receives its remote control",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
         do=(
-            f"Take the propellers off {cell.name}, or leave it disarmed and secured. Switch the transmitter on, and "
-            "move both sticks and every switch, one after the other."
+            f"Remove the propellers from {cell.name}, or leave it disarmed and secured. Switch the transmitter on, "
+            "and move both sticks and every switch, one after the other."
         ),
         look_for=(
-            "The channels in its operator's program follow each stick and switch over the whole way; its link is shown "
-            "as good; the vehicle stays disarmed."
+            "The channels in the operator's program follow each stick and switch over the full range; the program "
+            "shows a good link; the vehicle stays disarmed."
         ),
     )
 
@@ -208,16 +208,16 @@ def _manual_step(cell: base.Cell) -> base.Step:
 def _failsafe(cell: base.Cell) -> base.Step:
     return base.Step(
         name="failsafe",
-        title=f"{cell.name} fails safe when its remote control falls silent",
+        title=f"{cell.name} goes to failsafe when its remote control is lost",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
         do=(
-            f"Take the propellers off {cell.name} and secure it. Switch the transmitter off, wait ten seconds, and "
-            "switch it on again."
+            f"Remove the propellers from {cell.name} and secure it. Switch the transmitter off, wait ten seconds, "
+            "and switch it on again."
         ),
         look_for=(
-            "Within a few seconds its program reports the loss and the failsafe that was agreed for this test; nothing "
-            "moves; with the transmitter on, the link comes back by itself."
+            "Within a few seconds its program reports the loss and the failsafe agreed for this test. Nothing "
+            "moves. With the transmitter on, the link returns by itself."
         ),
     )
 
@@ -225,15 +225,15 @@ def _failsafe(cell: base.Cell) -> base.Step:
 def _range(cell: base.Cell) -> base.Step:
     return base.Step(
         name="range",
-        title=f"The remote control of {cell.name} reaches far enough",
+        title=f"The remote control of {cell.name} has enough range",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.QUAY,
         do=(
-            f"Leave {cell.name} disarmed and secured. Set the transmitter to its reduced power for range tests, walk "
+            f"Leave {cell.name} disarmed and secured. Set the transmitter to its reduced power for range tests. Walk "
             "30 m away in line of sight, turn round once, and move the sticks."
         ),
         look_for=(
-            "The channels follow without gaps in every direction, and no failsafe is reported; set the transmitter "
-            "back to full power afterwards."
+            "The channels follow without interruption in every direction, and no failsafe is reported; set the "
+            "transmitter back to full power afterwards."
         ),
     )

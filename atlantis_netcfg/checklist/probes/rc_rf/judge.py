@@ -43,9 +43,9 @@ def judge(stream: Stream, expectation: RcExpectation) -> tuple[LinkFinding, ...]
 def _check_heartbeat(stream: Stream, system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     age_s = stream.ended_s - system.beats[-1].at_s
     if age_s > FRESH_S:
-        message = f"{expectation.name}'s last heartbeat is {age_s:.0f} s old"
+        message = f"the last heartbeat of {expectation.name} is {age_s:.0f} s old"
         yield LinkFinding(
-            Verdict.FAIL, "heartbeat-lost", message, "look at the autopilot's power and the forwarding of its stream"
+            Verdict.FAIL, "heartbeat-lost", message, "check the autopilot's power and the forwarding of its stream"
         )
     if not system.channels:
         yield no_channels(stream, expectation)
@@ -53,36 +53,37 @@ def _check_heartbeat(stream: Stream, system: System, expectation: RcExpectation)
     last = system.channels[-1]
     channels_age_s = stream.ended_s - last.at_s
     if channels_age_s > max(FRESH_S, age_s):
-        message = f"{expectation.name}'s channels have stopped {channels_age_s:.0f} s ago, its heartbeats go on"
+        message = f"the channels of {expectation.name} stopped {channels_age_s:.0f} s ago, but its heartbeats continue"
         yield LinkFinding(
             Verdict.FAIL,
             "channels-stale",
             message,
-            "look at the remote control's receiver and its cable to the autopilot",
+            "check the remote control's receiver and its cable to the autopilot",
         )
     if not last.count or all(value is None for value in last.values):
-        message = f"{expectation.name}'s autopilot sees no channel of the remote control"
+        message = f"the autopilot of {expectation.name} receives no channel of the remote control"
         yield LinkFinding(
             Verdict.FAIL,
             "no-receiver",
             message,
-            "switch the transmitter on, then look at the receiver's cable and binding",
+            "switch the transmitter on, then check the receiver's cable and binding",
         )
     elif strange := odd(last):
-        message = f"{expectation.name}'s channels are outside {LOW_US} to {HIGH_US} us: {strange}"
+        message = f"the channels of {expectation.name} are outside {LOW_US} to {HIGH_US} us: {strange}"
         yield LinkFinding(
             Verdict.FAIL,
             "channels-odd",
             message,
-            "calibrate the remote control, and look at the receiver's failsafe values",
+            "calibrate the remote control, and check the receiver's failsafe values",
         )
 
 
 def no_channels(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     """Return the finding for a stream without RC_CHANNELS, which may be due to a setting, so nothing follows."""
-    message = f"{expectation.name} sends no RC_CHANNELS within {stream.ended_s:.0f} s"
+    message = f"{expectation.name} sent no RC_CHANNELS within {stream.ended_s:.0f} s"
     hint = (
-        "let its people add RC_CHANNELS to the stream (ArduPilot: SRx_RC_CHAN; PX4: mavlink stream); we ask for nothing"
+        "ask its operators to add RC_CHANNELS to the stream (ArduPilot: SRx_RC_CHAN; PX4: mavlink stream); this "
+        "program requests nothing"
     )
     return LinkFinding(Verdict.INCONCLUSIVE, "no-channels", message, hint)
 
@@ -99,24 +100,27 @@ def odd(channels: Channels) -> str:
 
 def _receiver_findings(system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     if not system.receiver:
-        message = f"{expectation.name} sends no SYS_STATUS: its autopilot's own opinion of the receiver is not known"
-        yield LinkFinding(Verdict.WARN, "no-sys-status", message, "let its people add SYS_STATUS to the stream")
+        message = f"{expectation.name} sends no SYS_STATUS: what its autopilot reports about the receiver is unknown"
+        yield LinkFinding(Verdict.WARN, "no-sys-status", message, "ask its operators to add SYS_STATUS to the stream")
         return
     last = system.receiver[-1]
     if not last.present:
-        message = f"{expectation.name}'s autopilot has no receiver of a remote control"
+        message = f"the autopilot of {expectation.name} has no remote-control receiver"
         yield LinkFinding(
-            Verdict.FAIL, "receiver-absent", message, "look at the receiver's cable and the autopilot's RC protocol"
+            Verdict.FAIL, "receiver-absent", message, "check the receiver's cable and the autopilot's RC protocol"
         )
     elif not last.is_enabled:
-        message = f"{expectation.name}'s autopilot has the remote control switched off"
+        message = f"the autopilot of {expectation.name} has the remote control disabled"
         yield LinkFinding(
-            Verdict.FAIL, "receiver-disabled", message, "let its people enable the remote control in the autopilot"
+            Verdict.FAIL,
+            "receiver-disabled",
+            message,
+            "ask its operators to enable the remote control in the autopilot",
         )
     elif not last.healthy:
-        message = f"{expectation.name}'s autopilot says that the remote control's receiver is not healthy"
+        message = f"the autopilot of {expectation.name} reports the remote-control receiver as unhealthy"
         yield LinkFinding(
-            Verdict.FAIL, "receiver-unhealthy", message, "switch the transmitter on, and look at the receiver's antenna"
+            Verdict.FAIL, "receiver-unhealthy", message, "switch the transmitter on, and check the receiver's antenna"
         )
 
 
@@ -124,44 +128,45 @@ def _rssi(system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     result = [channel.rssi for channel in system.channels if channel.count]
     known_rssi = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if result and not known_rssi:
-        message = f"{expectation.name} does not tell how strong the remote control is heard (rssi 255)"
-        yield LinkFinding(Verdict.WARN, "rssi-unknown", message, "rely on the range test by a person")
+        message = f"{expectation.name} does not report the signal strength of the remote control (rssi 255)"
+        yield LinkFinding(Verdict.WARN, "rssi-unknown", message, "rely on the manual range test")
     if not known_rssi:
         return
     if expectation.rssi_low is not None and min(known_rssi) < expectation.rssi_low:
         message = (
-            f"the remote control of {expectation.name} is heard with rssi {min(known_rssi)}, "
-            f"below its own {expectation.rssi_low}"
+            f"the remote control of {expectation.name} has rssi {min(known_rssi)}, below its own limit "
+            f"{expectation.rssi_low}"
         )
         yield LinkFinding(
-            Verdict.WARN, "rssi-low", message, "look at both antennas; the value is compared with this vehicle's only"
+            Verdict.WARN, "rssi-low", message, "check both antennas; the value is only comparable within this vehicle"
         )
     if max(known_rssi) - min(known_rssi) > UNSTEADY * max(known_rssi):
         message = (
-            f"the remote control of {expectation.name} is heard unsteadily: rssi {min(known_rssi)} to {max(known_rssi)}"
+            f"the signal of the remote control of {expectation.name} is unsteady: rssi {min(known_rssi)} to "
+            f"{max(known_rssi)}"
         )
         yield LinkFinding(
-            Verdict.WARN, "rssi-unsteady", message, "look at both antennas, and for other transmitters of the band"
+            Verdict.WARN, "rssi-unsteady", message, "check both antennas, and for other transmitters in the band"
         )
     elif not max(known_rssi):
-        message = f"{expectation.name} tells rssi 0: no signal, or nobody has set up how it is measured"
+        message = f"{expectation.name} reports rssi 0: no signal, or RSSI is not set up"
         yield LinkFinding(
-            Verdict.WARN, "rssi-zero", message, "rely on the range test by a person, or set up RSSI in the autopilot"
+            Verdict.WARN, "rssi-zero", message, "rely on the manual range test, or set up RSSI in the autopilot"
         )
 
 
 def _check_damage(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFinding]:
     total = stream.good + stream.bad
     if stream.bad > 1 and stream.bad > BAD_SHARE * total:
-        message = f"{stream.bad} of {total} pieces of the stream at {expectation.end} are damaged"
+        message = f"{stream.bad} of {total} pieces of the stream at {expectation.end} are corrupted"
         yield LinkFinding(
-            Verdict.WARN, "damaged", message, "look at the telemetry radio or serial line that carries the stream"
+            Verdict.WARN, "damaged", message, "check the telemetry radio or serial line that carries the stream"
         )
 
 
 def _good_finding(system: System, expectation: RcExpectation) -> LinkFinding:
     last = system.channels[-1]
-    message = f"{expectation.name} is disarmed and hears its remote control: {last.count} channels, rssi {last.rssi}"
+    message = f"{expectation.name} is disarmed and receives its remote control: {last.count} channels, rssi {last.rssi}"
     return LinkFinding(Verdict.PASS, "rc-heard", message)
 
 
@@ -176,9 +181,9 @@ def check_disarmed(stream: Stream, expectation: RcExpectation) -> LinkFinding | 
     if not hot:
         return None
     who = expectation.name if expectation.system_id in hot else f"system {hot[0]}"
-    message = f"STOP AT ONCE: {who} is armed, its propellers may start"
+    message = f"STOP AT ONCE: {who} is armed; its propellers may start"
     return LinkFinding(
-        _FAIL, "armed", message, "keep clear, have the pilot disarm it and take the battery off; then begin again"
+        _FAIL, "armed", message, "keep clear; ask the pilot to disarm it and remove the battery; then start again"
     )
 
 
@@ -189,9 +194,7 @@ def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> 
             _not_listened_finding(answer, expectation) if answer.trouble is not None else _silent(stream, expectation)
         )
     if not stream.good:
-        message = (
-            f"what arrives at {expectation.end} is not MAVLink: {stream.heard_bytes} bytes, no whole frame among them"
-        )
+        message = f"the data at {expectation.end} is not MAVLink: {stream.heard_bytes} bytes without one complete frame"
         return LinkFinding(
             _FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded"
         )
@@ -203,19 +206,22 @@ def doubts(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFinding]:
     """Yield findings for data that may come from another sender or time; a person may know better."""
     system = stream.systems[expectation.system_id]
     if expectation.address is None:
-        result = f"it came from {', '.join(system.senders)}" if any(system.senders) else "nobody has looked"
-        message = f"nobody has declared from which address the stream of {expectation.name} comes; {result}"
-        hint = "write `endpoints.rc_rf.address`, or reserve its address in `site.lan.reservations`"
+        result = f"it came from {', '.join(system.senders)}" if any(system.senders) else "not checked"
+        message = f"the inventory has no source address for the stream of {expectation.name}; {result}"
+        hint = "set `endpoints.rc_rf.address`, or reserve its address in `site.lan.reservations`"
         yield LinkFinding(_INCONCLUSIVE, "sender-unknown", message, hint)
     if system.overrides:
-        message = f"a ground station sends channels to {expectation.name} in place of its remote control"
-        hint = "switch the joystick of the ground station off, then repeat this item"
+        message = f"a ground station sends channels to {expectation.name} instead of its remote control"
+        hint = "switch off the ground station's joystick, then repeat this item"
         yield LinkFinding(_INCONCLUSIVE, "overridden", message, hint)
     apart = [ahead for ahead in system.ahead_s if abs(ahead) > APART_S]
     if apart:
         span = f"{abs(apart[0]) / 60:.0f} min {'ahead' if apart[0] > 0 else 'old'}"
-        message = f"by its own clock the stream of {expectation.name} is {span}"
-        hint = f"is a recorded flight played at {expectation.end}? If it is live, look at the clocks of both"
+        message = f"by its own clock, the stream of {expectation.name} is {span}"
+        hint = (
+            f"check whether a recorded flight is replayed at {expectation.end}; if the stream is live, check both "
+            "clocks"
+        )
         yield LinkFinding(_INCONCLUSIVE, "of-another-time", message, hint)
     yield from _flow(system, stream, expectation)
 
@@ -227,32 +233,36 @@ def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterato
         return
     if len(result) == 1:
         message = (
-            f"{expectation.name}'s channels came once within {stream.ended_s:.0f} s: "
-            "whether they are alive is not known"
+            f"the channels of {expectation.name} came only once within {stream.ended_s:.0f} s: cannot tell "
+            "whether they are live"
         )
-        yield LinkFinding(_INCONCLUSIVE, "once", message, "let its people send RC_CHANNELS four times a second")
+        yield LinkFinding(_INCONCLUSIVE, "once", message, "ask its operators to send RC_CHANNELS four times a second")
         return
     counts = [channels.boot_ms / 1000 for channels in result]
     elapsed_s, went = result[-1].at_s - result[0].at_s, counts[-1] - counts[0]
     back = any(after < before - 1 for before, after in pairwise(counts))
     if len(set(counts)) == 1:
         message = (
-            f"the same channels of {expectation.name} came {len(result)} times: its autopilot's count stands still"
+            f"the same channels of {expectation.name} came {len(result)} times: its autopilot's time does not advance"
         )
-        hint = "something repeats one message: look at what forwards the stream, and at the autopilot"
+        hint = "something repeats one message: check what forwards the stream, and the autopilot"
         yield LinkFinding(_FAIL, "frozen", message, hint)
     elif back or not elapsed_s / 2 - 1 <= went <= elapsed_s * 2 + 2:
         message = (
-            f"{expectation.name}'s autopilot has counted {went:.0f} s in {elapsed_s:.0f} s: what comes is not of now"
+            f"the autopilot of {expectation.name} advanced {went:.0f} s in {elapsed_s:.0f} s: the data is not live"
         )
-        hint = f"is a recorded flight played at {expectation.end}? Else the autopilot was restarted: repeat this item"
+        hint = (
+            f"check whether a recorded flight is replayed at {expectation.end}; otherwise the autopilot was "
+            "restarted: repeat this item"
+        )
         yield LinkFinding(_INCONCLUSIVE, "not-live", message, hint)
 
 
 def _silent(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     message = f"nothing arrived at {expectation.end} in {stream.ended_s:.0f} s"
     hint = (
-        f"switch {expectation.name} on, and let its companion computer forward the MAVLink stream to {expectation.end}"
+        f"switch {expectation.name} on, and set its companion computer to forward the MAVLink stream to "
+        f"{expectation.end}"
     )
     return LinkFinding(_INCONCLUSIVE, "silent", message, hint)
 
@@ -260,45 +270,59 @@ def _silent(stream: Stream, expectation: RcExpectation) -> LinkFinding:
 def _not_listened_finding(answer: Transcript, expectation: RcExpectation) -> LinkFinding:
     text = f": {answer.words}" if answer.words else ""
     if answer.trouble is Trouble.NO_PLACE:
-        message = f"nobody has listened to {expectation.name}: {expectation.place} was not reached{text}"
+        message = f"{expectation.name} was not checked: {expectation.place} was not reachable{text}"
         return LinkFinding(
-            _INCONCLUSIVE, "place-not-reached", message, f"bring {expectation.place} back first, then repeat this item"
+            _INCONCLUSIVE, "place-not-reached", message, f"make {expectation.place} reachable, then repeat this item"
         )
     if answer.trouble is Trouble.BUSY:
-        message = f"{expectation.end} is in use by another program, which gets the stream{text}"
-        hint = "close the ground station there, or let the stream be forwarded to a second port and declare that"
+        message = f"{expectation.end} is in use by another program, which receives the stream{text}"
+        hint = "close the ground station there, or forward the stream to a second port and put that in the inventory"
         return LinkFinding(_INCONCLUSIVE, "in-use", message, hint)
     if answer.trouble is Trouble.DENIED:
-        message = f"{expectation.end} may not be opened{text}"
+        message = f"no permission to open {expectation.end}{text}"
         return LinkFinding(
-            _INCONCLUSIVE, "not-allowed", message, "declare a port above 1023, and look at the firewall there"
+            _INCONCLUSIVE,
+            "not-allowed",
+            message,
+            "use a port above 1023 in the inventory, and check the firewall there",
         )
-    message = f"nobody could listen at {expectation.end}{text}"
-    return LinkFinding(_INCONCLUSIVE, "not-heard", message, f"look at {expectation.place}, then repeat this item")
+    message = f"could not listen at {expectation.end}{text}"
+    return LinkFinding(_INCONCLUSIVE, "not-heard", message, f"check {expectation.place}, then repeat this item")
 
 
 def _absence_finding(stream: Stream, system: System, expectation: RcExpectation) -> LinkFinding:
     if system.senders:
         result = ", ".join(system.senders)
         message = (
-            f"system {expectation.system_id} is heard from {result}, and {expectation.name} has {expectation.address}"
+            f"system {expectation.system_id} comes from {result}, but {expectation.name} has {expectation.address}"
         )
         hint = (
-            "another vehicle may have this system id; if another computer forwards it, write `endpoints.rc_rf.address`"
+            "another vehicle may have this system id; if another computer forwards the stream, set "
+            "`endpoints.rc_rf.address`"
         )
         return LinkFinding(_INCONCLUSIVE, "other-sender", message, hint)
     if system.components:
         ids = ", ".join(map(str, system.components))
-        message = f"of system {expectation.system_id} component {ids} is heard, and not its autopilot, which is 1"
-        hint = "let its people forward what the autopilot itself sends; a camera or a computer beside it proves nothing"
+        message = (
+            f"from system {expectation.system_id}, component {ids} is received, but not its autopilot, which "
+            "is component 1"
+        )
+        hint = (
+            "ask its operators to forward what the autopilot itself sends; data from a camera or companion "
+            "computer is no proof"
+        )
         return LinkFinding(_INCONCLUSIVE, "other-component", message, hint)
     if stream.autopilots:
         ids = ", ".join(map(str, stream.autopilots))
-        message = f"{expectation.name} should be system {expectation.system_id}, and what is heard is system {ids}"
-        hint = "this is another vehicle, or `system_id:` differs from the autopilot's (SYSID_THISMAV, MAV_SYS_ID)"
+        message = f"{expectation.name} should be system {expectation.system_id}, but system {ids} is received"
+        hint = (
+            "this is another vehicle, or `system_id:` differs from the autopilot's setting (SYSID_THISMAV, MAV_SYS_ID)"
+        )
         return LinkFinding(_FAIL, "other-system", message, hint)
-    message = f"MAVLink arrives at {expectation.end}, and no autopilot's heartbeat in it within {stream.ended_s:.0f} s"
-    return LinkFinding(_FAIL, "no-heartbeat", message, "look whether the companion computer still hears its autopilot")
+    message = f"MAVLink arrives at {expectation.end}, but no autopilot heartbeat within {stream.ended_s:.0f} s"
+    return LinkFinding(
+        _FAIL, "no-heartbeat", message, "check whether the companion computer still receives data from its autopilot"
+    )
 
 
 MOVED_US = 100
@@ -328,28 +352,28 @@ def judge_moved(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     if not channels:
         return no_channels(stream, expectation)
     if len(channels) < MIN_CHANNEL_SETS:
-        message = f"{expectation.name}'s channels came {len(channels)} times only while the sticks were moved"
+        message = f"the channels of {expectation.name} came only {len(channels)} times while the sticks moved"
         return LinkFinding(
-            Verdict.INCONCLUSIVE, "few-channels", message, "let its people send RC_CHANNELS four times a second"
+            Verdict.INCONCLUSIVE, "few-channels", message, "ask its operators to send RC_CHANNELS four times a second"
         )
     moved_ranges = ranges(channels)
     if not moved_ranges:
         message = f"none of {expectation.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
-        hint = "is the transmitter on, and bound to this vehicle and no other? then repeat"
+        hint = "check that the transmitter is on, and bound to this vehicle only; then repeat"
         return LinkFinding(Verdict.FAIL, "no-movement", message, hint)
     channel_list = ", ".join(map(str, moved_ranges))
     axes = [number for number in moved_ranges if number <= AXES]
     if len(axes) < AXES:
         message = f"channels that moved: {channel_list}; two sticks have {AXES} axes"
-        return LinkFinding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
+        return LinkFinding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their full range")
     if _as_one(channels, axes):
         message = (
-            f"channels {', '.join(map(str, axes))} of {expectation.name} move as one, "
-            "which two sticks in circles do not"
+            f"channels {', '.join(map(str, axes))} of {expectation.name} move identically, which two sticks in "
+            "circles do not cause"
         )
-        hint = "is a joystick, or a program, at work in place of the remote control? Repeat, each stick in circles"
+        hint = "check for a joystick or a program in place of the remote control; repeat, each stick in circles"
         return LinkFinding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
-    return LinkFinding(Verdict.PASS, "moved", f"{expectation.name}'s channels follow the sticks: {channel_list}")
+    return LinkFinding(Verdict.PASS, "moved", f"the channels of {expectation.name} follow the sticks: {channel_list}")
 
 
 def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:

@@ -59,9 +59,9 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     """
     site = own_site(cell)
     if site.router is None:
-        do = "Look at it yourself: the site has no router of ours that could be asked."
+        do = "Check it yourself: the site has no router in the inventory that could be queried."
         return tuple(by_hand(name, name.replace("-", " "), do, _HOLDS.format(name), (site.name,)) for name in NAMES)
     return (*(make(site) for make in _CHECKS.values()), *access_point_check(site), *link_qualified_checks(site))
 
 
-_HOLDS = "What docs/checklist.md says of `{}` holds."
+_HOLDS = "What docs/checklist.md says about `{}` is true."

@@ -27,7 +27,7 @@ def access_point_check(site: parse.OwnSite) -> tuple[base.Step, ...]:
     if gateway is None or not isinstance(gateway.device, model.Gateway) or gateway.device.access_point is None:
         return ()
     radio = gateway.device.access_point
-    title = f"The gateway's network {radio.ssid} is open, to declared vehicles alone"
+    title = f"The gateway's network {radio.ssid} is open only to vehicles of the inventory"
     return (parse.step("access-point", title, _OpenNetwork(site, gateway.name, radio), (gateway.name,)),)
 
 
@@ -51,7 +51,7 @@ class _OpenNetwork:
         if isinstance(info, base.CommandResult) and info.trouble is None and _NO_DEVICE in info.err:
             message = f"{self.gateway} has no radio {self.radio.interface}"
             return base.ProbeResult(
-                (parse.fail("radio-missing", message, "plug it in, or correct `access_point.interface`"),)
+                (parse.fail("radio-missing", message, "connect it, or correct `access_point.interface`"),)
             )
         text, station_dump = parse.get_output(info, self.gateway), parse.get_output(dump, self.gateway)
         if not isinstance(text, str):
@@ -68,24 +68,26 @@ class _OpenNetwork:
     def _network(self, text: str) -> Iterator[LinkFinding]:
         """Yield findings on the radio: hostapd makes it an access point; during radar detection it has no name yet."""
         network, name = read_opened(text), f"{self.radio.interface} of {self.gateway}"
-        hint = f"on it: systemctl status atlantis-access-point@{self.radio.interface}"
+        hint = f"check there: systemctl status atlantis-access-point@{self.radio.interface}"
         if network.type is None:
             yield parse.unreadable(self.gateway, self.radio.interface)
         elif network.type != "AP":
-            yield parse.fail("network-closed", f"{name} opens no network: it is of type {network.type}", hint)
+            yield parse.fail("network-closed", f"{name} is not an access point: it is of type {network.type}", hint)
         elif network.ssid is None:
-            message = f"{name} is an access point that sends no name yet: it may be listening for radar"
-            yield parse.unknown(
-                "network-not-yet-open", message, f"wait for a minute, or ten at 5600 to 5650 MHz; {hint}"
-            )
+            message = f"{name} is an access point that does not broadcast its name yet: it may be listening for radar"
+            yield parse.unknown("network-not-yet-open", message, f"wait a minute, or ten at 5600 to 5650 MHz; {hint}")
         elif network.ssid != self.radio.ssid:
-            message = f"{name} opens `{network.ssid}`, and `{self.radio.ssid}` is declared"
-            yield parse.fail("other-network", message, "run the site, which lays down what is declared")
+            message = f"{name} has the SSID `{network.ssid}`; the inventory says `{self.radio.ssid}`"
+            yield parse.fail(
+                "other-network", message, "apply the site's configuration, which restores the inventory's settings"
+            )
         else:
-            yield parse.good("network-open", f"{name} opens `{network.ssid}`")
+            yield parse.good("network-open", f"{name} has the SSID `{network.ssid}`")
             if network.frequency_mhz not in {None, self.radio.frequency_mhz}:
-                message = f"{name} is on {network.frequency_mhz} MHz, and {self.radio.frequency_mhz} MHz are declared"
-                yield parse.warn("other-channel", message, "a radar may have driven it away: choose another channel")
+                message = f"{name} is on {network.frequency_mhz} MHz; the inventory says {self.radio.frequency_mhz} MHz"
+                yield parse.warn(
+                    "other-channel", message, "radar may have forced a channel change: choose another channel"
+                )
 
     def _strangers(self, dump: str) -> Iterator[LinkFinding]:
         """Yield findings for stations that are not in the inventory and so have the key."""
@@ -95,9 +97,10 @@ class _OpenNetwork:
         )
         if strangers:
             message = (
-                f"{parse.join_words(strangers)} joined `{self.radio.ssid}`, and no declared vehicle has this radio"
+                f"{parse.join_words(strangers)} joined `{self.radio.ssid}`, but no vehicle of the inventory "
+                "has this radio"
             )
-            hint = "whose is it? a new radio belongs into `endpoints.wifi.mac`; else change the `key` of the network"
+            hint = "find its owner: set a new radio in `endpoints.wifi.mac`; otherwise change the `key` of the network"
             yield parse.warn("unknown-station", message, hint)
         names = [station_names[mac] for mac in read_stations(dump) if mac in station_names]
         if names:

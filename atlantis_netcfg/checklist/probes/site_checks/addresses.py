@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 FILES = ("/etc/netplan/10-atlantis.yaml", "/etc/network/interfaces", "/etc/systemd/network/05-atlantis.network")
 """Files in which `provision` configures a gateway computer's address, one for each network configuration tool."""
 _LOOPBACK = "lo"
-_RUN = "run the site, which puts the declared address back"
+_RUN = "apply the site's configuration, which restores the address of the inventory"
 
 
 def static_addresses_check(site: parse.OwnSite) -> base.Step:
@@ -79,7 +79,9 @@ class _Static:
         yield from wrong
         if not wrong:
             count = len(tuple(self._declared_addresses()))
-            yield parse.good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
+            yield parse.good(
+                "router-as-declared", f"{name} has its {count} addresses of the inventory, none of them leased"
+            )
 
     def _judge_gateway(
         self,
@@ -93,7 +95,7 @@ class _Static:
         if wrong is not None:
             return [wrong]
         problem = self._in_files(gateway, interface, results)
-        fine = parse.good("gateway-as-declared", f"{gateway.name} has {interface}, and will have it after a restart")
+        fine = parse.good("gateway-as-declared", f"{gateway.name} has {interface}, also after a restart")
         return [problem or fine]
 
     def _in_files(
@@ -124,10 +126,11 @@ class _Static:
             )
         if gateway.is_leased or any(_says(text, interface) for text in files.values()):
             return None
-        message = (
-            f"{gateway.name} has {interface}, but no file of ours says so: nobody knows whether it survives a restart"
+        message = f"{gateway.name} has {interface}, but no file of this toolkit sets it: it may not survive a restart"
+        hint = (
+            f"set `network:` of {gateway.name} and apply the site's configuration, or restart it once and repeat "
+            "the check"
         )
-        hint = f"declare `network:` of {gateway.name} and run the site, or restart it once and repeat the check"
         return parse.unknown("no-file", message, hint)
 
 
@@ -152,14 +155,14 @@ def _says(text: str, interface: IPv4Interface) -> bool:
 def _check_network_file(
     name: str, path: str, text: str | None, content: str, interface: IPv4Interface
 ) -> LinkFinding | None:
-    hint = f"run the site with `device={name}`: it writes {path} again, under a timer that takes a mistake back"
+    hint = f"apply the site with `device={name}`: it writes {path} again, with a timer that undoes a mistake"
     if text is None:
         return parse.fail(
-            "no-file", f"{name} has {interface}, but {path} is not there: it will be gone after a restart", hint
+            "no-file", f"{name} has {interface}, but {path} is missing: the address is lost after a restart", hint
         )
     if text.strip() != content.strip():
         return parse.fail(
-            "file-differs", f"{path} of {name} does not say what is declared: a restart changes its address", hint
+            "file-differs", f"{path} of {name} differs from the inventory: a restart changes its address", hint
         )
     return None
 
@@ -168,19 +171,25 @@ def _check_running_address(
     gateway: parse.ComputerReadings, interface: IPv4Interface, there: parse.InterfaceAddress | None
 ) -> LinkFinding | None:
     if there is None:
-        return parse.fail("address-missing", f"{gateway.name} does not have its declared address {interface}", _RUN)
+        return parse.fail(
+            "address-missing", f"{gateway.name} does not have its address {interface} of the inventory", _RUN
+        )
     if there.interface == _LOOPBACK:
-        message = f"{gateway.name} has its declared address {interface} on {there.interface}, where nobody reaches it"
+        message = f"{gateway.name} has its address {interface} on {there.interface}, where it is unreachable"
         return parse.fail("wrong-interface", message, _RUN)
     if there.address != interface:
-        message = f"{gateway.name} has {there.address}, and the declared mask is /{interface.network.prefixlen}"
+        message = f"{gateway.name} has {there.address}; the mask in the inventory is /{interface.network.prefixlen}"
         return parse.fail("wrong-mask", message, _RUN)
     if there.is_leased and not gateway.is_leased:
-        message = f"{gateway.name} has leased {interface}, which is declared static: it goes when the lease ends"
+        message = (
+            f"{gateway.name} has {interface} by lease, but the inventory says static: it is lost when the lease ends"
+        )
         return parse.fail("address-leased", message, _RUN)
     if gateway.is_leased and not there.is_leased:
-        message = f"{gateway.name} has {interface} by hand, while it is declared to get it by DHCP"
-        return parse.warn("address-by-hand", message, f"set {gateway.name} to DHCP, or declare `address_by: static`")
+        message = f"{gateway.name} has {interface} set manually, but the inventory says DHCP"
+        return parse.warn(
+            "address-by-hand", message, f"set {gateway.name} to DHCP, or set `address_by: static` in the inventory"
+        )
     return None
 
 
@@ -192,30 +201,28 @@ def _find_wrong_addresses(
         there = next((item for item in current if item.address.ip == address.ip), None)
         if there is None:
             yield parse.fail(
-                "address-missing", f"{name} does not have its declared address {text} on {interface}", _RUN
+                "address-missing", f"{name} does not have its address {text} of the inventory on {interface}", _RUN
             )
         elif there.address != address:
-            message = f"{name} has {there.address} on {there.interface}, and the declared mask is"
+            message = f"{name} has {there.address} on {there.interface}; the mask in the inventory is"
             yield parse.fail("wrong-mask", f"{message} /{address.network.prefixlen}", _RUN)
         elif there.interface != interface:
-            message = f"{name} has its declared address {text} on {there.interface}, and not on {interface}"
+            message = f"{name} has its address {text} on {there.interface} instead of {interface}"
             yield parse.fail("wrong-interface", message, _RUN)
         elif there.flags:
             yield parse.fail(
                 "address-flagged",
-                f"{text} of {name} is {parse.join_words(there.flags)}, and no declared address is",
+                f"{text} of {name} is {parse.join_words(there.flags)}; no address in the inventory is",
                 _RUN,
             )
 
 
-_SUBNET_HINT = "take one of them away: when a lease ends, it takes the route of both along, and contact is lost"
+_SUBNET_HINT = "remove one of them: when a lease ends, the route of both goes with it, and contact is lost"
 
 
 def one_subnet_twice_check(site: parse.OwnSite) -> base.Step:
     """Return the step on the addresses of the router and the gateway computer."""
-    return parse.step(
-        "one-subnet-twice", "No two addresses of one subnet on one interface", _OneSubnet(site), site.hosts
-    )
+    return parse.step("one-subnet-twice", "No interface has two addresses of one subnet", _OneSubnet(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,12 +271,12 @@ def _describe_address(item: parse.InterfaceAddress) -> str:
     return f"{item.address} ({'leased' if item.is_leased else 'static'})"
 
 
-_DUPLICATE_HINT = "switch one of them off, and give it another address or a reservation of its own"
+_DUPLICATE_HINT = "switch one of them off, or give it another address or its own reservation"
 
 
 def duplicate_addresses_check(site: parse.OwnSite) -> base.Step:
     """Return the step on the router's ARP table and leases, and the gateway computer's neighbours."""
-    return parse.step("duplicate-addresses", "No address of the LAN twice", _Duplicates(site), site.hosts)
+    return parse.step("duplicate-addresses", "No LAN address is used twice", _Duplicates(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,11 +327,13 @@ class _Duplicates:
         for address, macs in cards.items():
             text = parse.join_words(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
             if len(macs) > 1 and all(neighbour.fresh for neighbour in macs.values()):
-                yield parse.fail("address-twice", f"{address} is answered by two cards: {text}", _DUPLICATE_HINT)
+                yield parse.fail("address-twice", f"two cards respond at {address}: {text}", _DUPLICATE_HINT)
             elif len(macs) > 1:
-                message = f"{address} was answered by another card some time ago: {text}"
+                message = f"another card responded at {address} some time ago: {text}"
                 yield parse.warn(
-                    "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
+                    "address-changed",
+                    message,
+                    "repeat the check in a few minutes: if nothing changes, find the other card",
                 )
 
     def _compare_reservations(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[LinkFinding]:
@@ -337,33 +346,36 @@ class _Duplicates:
             reserved_host, owner = by_address.get(neighbour.address), by_card.get(neighbour.mac)
             if reserved_host is not None and reserved_host.mac.lower() != neighbour.mac:
                 there = f"{neighbour.mac}{f', the card of {owner.name},' if owner else ''}"
-                message = f"{neighbour.address} is reserved for {reserved_host.name}, but {there} answers there"
+                message = f"{neighbour.address} is reserved for {reserved_host.name}, but {there} responds there"
                 hint = (
-                    f"correct `mac:` of {reserved_host.name} if its card is a new one; else find who took its address"
+                    f"correct `mac:` of {reserved_host.name} if its card is new; otherwise find the device that "
+                    "took its address"
                 )
                 yield parse.fail("wrong-card", message, hint)
             elif reserved_host is None and owner is not None:
-                message = f"{owner.name} has the address {neighbour.address}, not its reserved {owner.address}"
-                hint = f"set {owner.name} to DHCP and let it ask anew: others look for it at {owner.address}"
+                message = f"{owner.name} has the address {neighbour.address} instead of its reserved {owner.address}"
+                hint = f"set {owner.name} to DHCP and renew its lease: others expect it at {owner.address}"
                 yield parse.fail("wrong-address", message, hint)
 
     def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
         """Yield findings for `busy` leases: another host responded at an address to be leased (Manual, DHCP)."""
         for row in leases:
             if row.get("status") == "busy":
-                message = f"the router does not hand out {row.get('address', '?')}: somebody else answers there"
-                yield parse.warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
+                message = f"the router does not assign {row.get('address', '?')}: another device responds there"
+                yield parse.warn("lease-busy", message, "find the device with that manual address, and set it to DHCP")
 
     def _good_finding(self, lan_neighbours: Sequence[parse.Neighbour]) -> LinkFinding:
         count = len({neighbour.address for neighbour in lan_neighbours})
         if not count:
-            hint = "switch the robots on and repeat the check: only who has been spoken to lately is seen"
-            return parse.unknown("nobody-seen", "neither router nor gateway computer has seen anybody in the LAN", hint)
+            hint = "switch the robots on and repeat the check: only recently contacted devices are seen"
+            return parse.unknown(
+                "nobody-seen", "neither the router nor the gateway computer sees any device in the LAN", hint
+            )
         are = "1 address of the LAN is" if count == 1 else f"{count} addresses of the LAN are each"
-        return parse.good("each-once", f"{are} answered by one card, as reserved")
+        return parse.good("each-once", f"{are} used by one card, as reserved")
 
 
-_DHCP_HINT = "unplug it, or switch its DHCP server off: a robot that takes its lease is lost to the site"
+_DHCP_HINT = "unplug it, or switch its DHCP server off: the site cannot reach a robot that takes its lease"
 
 
 def rogue_dhcp_check(site: parse.OwnSite) -> base.Step:
@@ -373,9 +385,10 @@ def rogue_dhcp_check(site: parse.OwnSite) -> base.Step:
         return parse.by_hand(
             "rogue-dhcp",
             title,
-            f"Ask the LAN of {site.name} for DHCP offers, as with `sudo nmap --script broadcast-dhcp-discover` on a"
-            " computer in it: the site has no gateway computer and no control centre that a program could ask from.",
-            f"Only the router offers an address: {site.site_config.lan.gateway}.",
+            f"Check the LAN of {site.name} for DHCP offers from a computer in it, for example with `sudo nmap "
+            "--script broadcast-dhcp-discover`. The site has no gateway computer and no control centre that could "
+            "do it.",
+            f"Only the router offers addresses: {site.site_config.lan.gateway}.",
             site.hosts,
         )
     return parse.step("rogue-dhcp", title, _RogueDhcp(site), site.hosts)
@@ -443,25 +456,30 @@ class _RogueDhcp:
             sender = _sender(self.site, stranger.server, stranger.mac)
             yield parse.fail(
                 "rogue-dhcp",
-                f"{sender} hands out addresses on the LAN, too: {_offer_text(stranger)}",
+                f"{sender} also assigns addresses on the LAN: {_offer_text(stranger)}",
                 _DHCP_HINT,
             )
         if len(cards) > 1:
-            message = f"two cards hand out addresses as the router {local}: {cards[0]} and {cards[1]}"
+            message = f"two cards assign addresses as the router {local}: {cards[0]} and {cards[1]}"
             yield parse.fail(
-                "router-twice", message, "one of them is not the router: find it by its card, and unplug it"
+                "router-twice", message, "one of them is not the router: find it by its card address, and unplug it"
             )
         elif strange:
-            message = f"{strange[0]} hands out addresses as the router {local}, whose card is {router_card}"
-            yield parse.fail("not-the-router", message, "find it by its card, and unplug it")
+            message = f"{strange[0]} assigns addresses as the router {local}, whose card is {router_card}"
+            yield parse.fail("not-the-router", message, "find it by its card address, and unplug it")
         if not dhcp_offers:
-            hint = "is the gateway computer in the LAN, and does `/ip/dhcp-server print` of the router show no flag?"
-            yield parse.unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {local}", hint)
+            hint = (
+                "check that the gateway computer is in the LAN, and that `/ip/dhcp-server print` of the router "
+                "shows no flag"
+            )
+            yield parse.unknown(
+                "nobody-offers", f"no response to a DHCP request, not even from the router {local}", hint
+            )
         elif not strangers and not strange and len(cards) < 2:  # noqa: PLR2004 - two are one too many
             request_count = 2 + len(self.site.site_config.lan.reservations)
             yield parse.good(
                 "only-the-router",
-                f"the router {local} alone offers an address, to whichever of {request_count} cards asks",
+                f"only the router {local} offers an address, to each of {request_count} requesting cards",
             )
 
 
@@ -487,9 +505,9 @@ def rogue_router_check(site: parse.OwnSite) -> base.Step:
         return parse.by_hand(
             "rogue-router",
             title,
-            f"Ask the LAN of {site.name} for IPv6 routers, as with `rdisc6` of the package ndisc6 on a computer in it:"
-            " the site has no gateway computer and no control centre that a program could ask from.",
-            "No router answers.",
+            f"Check the LAN of {site.name} for IPv6 routers from a computer in it, for example with `rdisc6` of the "
+            "package ndisc6. The site has no gateway computer and no control centre that could do it.",
+            "No router responds.",
             site.hosts,
         )
     return parse.step("rogue-router", title, _RogueRouter(site), site.hosts)
@@ -514,7 +532,7 @@ class _RogueRouter:
             parse.measured_evidence(f"router advertisement of {item.address}", _advertisement_text(item))
             for item in advertisements
         )
-        words = f"no IPv6 router answered 2 router solicitations on the LAN within {_SOLICIT_S:g} s"
+        words = f"no IPv6 router responded to 2 router solicitations on the LAN within {_SOLICIT_S:g} s"
         return base.ProbeResult(
             tuple(self._finding(item) for item in advertisements) or (parse.good("no-other-router", words),), evidence
         )
@@ -523,8 +541,8 @@ class _RogueRouter:
         sender = _sender(self.site, router.address, router.mac)
         message = f"{sender} announces itself as an IPv6 router on the LAN: {_advertisement_text(router)}"
         hint = (
-            "unplug it, or switch its router advertisements off: gateways ignore them, other computers and robots on"
-            " the LAN do not"
+            "unplug it, or disable its router advertisements: gateways ignore them, other computers and robots "
+            "on the LAN do not"
         )
         return parse.fail("rogue-router", message, hint)
 

@@ -24,14 +24,14 @@ SOON = timedelta(days=30)
 _MENU = ("name", "common-name", "invalid-before", "invalid-after", "expired", "revoked", "private-key", "authority")
 _SUBJECT = re.compile(r"^ {8}Subject:.*?CN ?= ?([^,\n]+)", re.MULTILINE)
 _DATES = re.compile(r"Not Before *: (.+?)\n\s*Not After *: (.+?)\n")
-_API = "make another one on the router under the same name (docs/routers.md), and confirm it at the next contact"
+_API = "create another one on the router under the same name (docs/routers.md), and confirm it at the next contact"
 _ROUTER = (
-    "`provision vpn renew name={name}` makes another one, and `provision vpn install device={name}` brings it to the "
-    "router"
+    "`provision vpn renew name={name}` creates a new one, and `provision vpn install device={name}` installs "
+    "it on the router"
 )
 _COMPUTER = (
-    "`provision vpn renew name={name}` makes another one, `provision vpn accept file=FILE` takes it on another laptop, "
-    "and `provision site={site} device={name}` brings it"
+    "`provision vpn renew name={name}` creates a new one, `provision vpn accept file=FILE` accepts it on "
+    "another laptop, and `provision site={site} device={name}` installs it"
 )
 _STAMP = "%b %d %H:%M:%S %Y GMT"
 
@@ -145,9 +145,9 @@ class _Certificates:
         if parse.yes(row, "revoked"):
             return "is revoked"
         if name in self._reason_by_name and row.get("private-key") in {"false", "no"}:
-            return "has no private key there, so that nobody can use it"
+            return "has no private key there, so it cannot be used"
         if tunnel is not None and name == tunnel.certificate and subject not in {None, host}:
-            return f"is that of {subject}, not of {host}"
+            return f"belongs to {subject}, not to {host}"
         return ""
 
 
@@ -165,18 +165,18 @@ def _router_stamp(text: str) -> datetime | None:
 def _of_identity(name: str, site: str, answer: base.Answer) -> list[_SiteCertificate] | LinkFinding:
     """Parse openssl's output on all certificates in a file; it exits with 8 for a key that it does not know."""
     if not isinstance(answer, base.CommandResult):
-        return parse.unreadable(name, "its identity in the VPN")
+        return parse.unreadable(name, "its VPN identity")
     if answer.trouble is not None:
         return parse.silent(name, answer.trouble, answer.words)
     names, dates = _SUBJECT.findall(answer.out), _DATES.findall(answer.out)
     if not dates or len(names) != len(dates):
-        hint = f"`provision site={site} device={name}` brings it there; only root may read it"
+        hint = f"`provision site={site} device={name}` installs it; only root may read it"
         return parse.unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
     renew = _COMPUTER.format(name=name, site=site)
     if name not in [subject.strip() for subject in names]:
         there = parse.join_words(subject.strip() for subject in names)
         return parse.fail(
-            "other-identity", f"the VPN identity of {name} holds {there}, and no certificate of {name}", renew
+            "other-identity", f"the VPN identity of {name} contains {there}, but no certificate of {name}", renew
         )
     return [
         _SiteCertificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
@@ -195,13 +195,13 @@ def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator
     if certificate.until is None:
         yield parse.unknown(
             "no-date",
-            f"nobody can tell until when the {certificate.title} is valid",
-            f"look at {certificate.holder} by hand",
+            f"the expiry date of the {certificate.title} is unknown",
+            f"check {certificate.holder} manually",
         )
     elif not certificate.used:
         if certificate.until < now or certificate.is_expired:
             text = f"the {certificate.title} expired on {certificate.until:%Y-%m-%d}"
-            message = f"{text}, and nothing that is declared uses it"
+            message = f"{text}, and nothing in the inventory uses it"
             yield parse.warn("old-certificate", message, f"remove it from {certificate.holder}")
     elif certificate.unfit:
         yield parse.fail("unfit", f"the {certificate.title} {certificate.unfit}", certificate.renew)
@@ -211,15 +211,15 @@ def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator
         )
     elif certificate.is_expired:
         message = (
-            f"{certificate.holder} takes its certificate `{certificate.name}` for expired, though it is valid until"
+            f"{certificate.holder} treats its certificate `{certificate.name}` as expired, although it is valid until"
         )
         yield parse.fail(
             "clock-expired", f"{message} {certificate.until:%Y-%m-%d}", f"set the clock of {certificate.holder} first"
         )
     elif certificate.since is not None and certificate.since > now + timedelta(minutes=5):
-        message = f"the {certificate.title} is only valid from {certificate.since:%Y-%m-%d %H:%M} UTC on"
+        message = f"the {certificate.title} is not valid before {certificate.since:%Y-%m-%d %H:%M} UTC"
         yield parse.fail(
-            "not-yet-valid", message, "look at the clocks of this computer and of the device: one of them is wrong"
+            "not-yet-valid", message, "check the clocks of this computer and of the device: one of them is wrong"
         )
     elif certificate.until < now + SOON:
         days = (certificate.until - now).days
@@ -234,5 +234,5 @@ def _fine(certificates: Sequence[_SiteCertificate]) -> LinkFinding:
     """Return the passing finding on the certificates in use; missing ones have their own finding."""
     until = [certificate.until for certificate in certificates if certificate.used and certificate.until is not None]
     if len(until) == 1:
-        return parse.good("valid", f"the one certificate is valid until {until[0]:%Y-%m-%d}")
-    return parse.good("valid", f"{len(until)} certificates are valid, the first to expire on {min(until):%Y-%m-%d}")
+        return parse.good("valid", f"the only certificate is valid until {until[0]:%Y-%m-%d}")
+    return parse.good("valid", f"{len(until)} certificates are valid; the first expires on {min(until):%Y-%m-%d}")

@@ -61,7 +61,7 @@ def _span(seconds: float) -> str:
 
 def clock_check(site: parse.OwnSite) -> base.Step:
     """Return the step that compares the clocks of router, gateway and this computer, and their time sources."""
-    return parse.step("clock", "Clocks agree, and are set by time servers", _ClockReading(site), site.hosts)
+    return parse.step("clock", "Clocks agree, and time servers set them", _ClockReading(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class _ClockReading:
             *self._set(results, known_offsets),
         ]
         evidence = [
-            parse.measured_evidence(f"clock of {name}, to this computer's", item.words)
+            parse.measured_evidence(f"clock of {name}, compared with this computer's", item.words)
             for name, item in known_offsets.items()
         ]
         agree = f"the clocks of {parse.join_words((*known_offsets, 'this computer'))} agree"
@@ -128,11 +128,14 @@ class _ClockReading:
             yield _not_synchronised_finding(name, self.site.name)
         elif status != "synchronized":
             text = f"`{status}`" if status else "nothing"
-            message = f"the NTP client of {name} says {text}: whether a time server has set its clock is not known"
-            yield parse.unknown("ntp-unknown", message, f"look at `/system/ntp/client/print` of {name}")
+            message = f"the NTP client of {name} reports {text}: cannot tell whether a time server has set its clock"
+            yield parse.unknown("ntp-unknown", message, f"check `/system/ntp/client/print` of {name}")
         elif server and server not in time_servers:
-            message = f"the clock of {name} was set by {server}, which is none of the declared time servers"
-            hint = "run the site, which sets the declared ones; if that one is right, declare it in `time_servers`"
+            message = f"the clock of {name} was set by {server}, which is not a time server of the inventory"
+            hint = (
+                "apply the site's configuration, which sets the inventory's servers; if that server is right, "
+                "add it to `time_servers`"
+            )
             yield parse.unknown("other-time-server", message, hint)
 
     def _evidence(self, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
@@ -161,15 +164,18 @@ def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[LinkFinding]
         message = (
             f"this computer's clock is {span} {'behind' if behind else 'ahead'} those of {parse.join_words(wrong)}"
         )
-        yield parse.fail("laptop-clock", message, "set this computer's clock by a time server, then repeat the check")
+        yield parse.fail("laptop-clock", message, "set this computer's clock from a time server, then repeat the check")
         return
     for name, entry in wrong.items():
-        hint = f"can {name} reach the declared time servers? certificates are refused while a clock is wrong"
+        hint = (
+            f"check that {name} can reach the time servers of the inventory; certificates are rejected while a "
+            "clock is wrong"
+        )
         yield parse.fail("clock-wrong", f"the clock of {name} is {entry.words} this computer's", hint)
     for name, item in known_offsets.items():
         if item.coarse:
-            message = f"{name} took so long to answer that its clock may be {max(item.most_s, -item.least_s):.0f} s off"
-            yield parse.unknown("compared-too-coarsely", message, "repeat the check when the link to it has no gap")
+            message = f"{name} responded so slowly that its clock may be off by {max(item.most_s, -item.least_s):.0f} s"
+            yield parse.unknown("compared-too-coarsely", message, "repeat the check when the link to it is stable")
 
 
 def _has_small_spread(offsets: list[Offset]) -> bool:
@@ -178,18 +184,23 @@ def _has_small_spread(offsets: list[Offset]) -> bool:
 
 def _zone(name: str, text: str, zone: str) -> Iterator[LinkFinding]:
     if text and text != zone:
-        message = f"the clock of {name} shows the time of {text}, and {zone} is declared"
-        yield parse.warn("time-zone", message, "run the site, which sets the declared `time_zone`")
+        message = f"the clock of {name} shows the time of {text}; the inventory says {zone}"
+        yield parse.warn("time-zone", message, "apply the site's configuration, which sets the inventory's `time_zone`")
 
 
 def _not_synchronised_finding(name: str, site: str) -> LinkFinding:
-    hint = f"can {name} reach the declared time servers? `provision links site={site}` tells whether any bearer is up"
+    hint = (
+        f"check that {name} can reach the time servers of the inventory; `provision links site={site}` shows "
+        "whether any link is up"
+    )
     return parse.warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
 
 
 def _no_time_server_finding(name: str) -> LinkFinding:
     return parse.fail(
-        "no-time-server", f"nothing sets the clock of {name}", "run the site, which switches its NTP client on"
+        "no-time-server",
+        f"nothing sets the clock of {name}",
+        "apply the site's configuration, which enables its NTP client",
     )
 
 

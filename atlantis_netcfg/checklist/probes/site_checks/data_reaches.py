@@ -57,9 +57,9 @@ def data_reaches_check(site: parse.OwnSite) -> base.Step:
         centre = isinstance(computer.device, model.ControlCentre)
         title = "Data reach every gateway and come back" if centre else "Data reach the control centre and come back"
         return parse.step(NAME, title, _DataReaches(site, far), (computer.name, *(item.name for item in far)))
-    do = f"No program can send anything through the VPN from {site.name} to the control centre: send something."
+    do = f"No program can send data through the VPN from {site.name} to the control centre: send some yourself."
     return parse.by_hand(
-        NAME, "Data reach the control centre and come back", do, "It arrives, and is answered.", site.hosts
+        NAME, "Data reach the control centre and come back", do, "It arrives, and a response comes back.", site.hosts
     )
 
 
@@ -95,7 +95,7 @@ class _DataReaches:
         if isinstance(current, LinkFinding):
             return base.ProbeResult((current,))
         if address not in {str(item.address.ip) for item in current if item.interface == TUNNEL}:
-            hint = f"on {name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
+            hint = f"on {name}: `systemctl status openvpn-client@atlantis`; its log shows what the server sent"
             message = (
                 f"{name} is not in the VPN: {TUNNEL} does not have {address}, so that nothing can be sent through it"
             )
@@ -126,20 +126,20 @@ class _DataReaches:
         if link is not None and link.kind.traits.allow_list:
             return parse.unknown(
                 "far-end-silent-satellite",
-                f"{far.name} has answered none of {message_count} messages, over a satellite that may pause for 70 s",
-                "repeat the check; three silent rounds are more than a pause of the satellite",
+                f"{far.name} responded to none of {message_count} messages, over a satellite that may pause for 70 s",
+                "repeat the check; three rounds without a response are more than a satellite pause",
             )
         if isinstance(getattr(self.site.gateway, "device", None), model.ControlCentre):
             return parse.unknown(
                 "gateway-silent",
-                f"{far.name} has answered none of {message_count} messages: it may be off",
-                f"is {far.name} switched on? the checklist of {far.site} looks from its end",
+                f"{far.name} responded to none of {message_count} messages: it may be off",
+                f"check that {far.name} is switched on; the checklist of {far.site} tests from its end",
             )
         return parse.fail(
             "far-end-silent",
-            f"{far.name} has answered none of {message_count} messages {over}; "
-            "the item `vpn` tells whether its server answers",
-            f"is {far.name} switched on? the checklist of {far.site} looks from its end",
+            f"{far.name} responded to none of {message_count} messages {over}; the item `vpn` shows whether its "
+            "server responds",
+            f"check that {far.name} is switched on; the checklist of {far.site} tests from its end",
         )
 
     def _judge_delays(
@@ -149,33 +149,33 @@ class _DataReaches:
         worst, limit = max(delays.values()), self.site.site_config.checklist.answer_within_s
         emulation_note = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
         text = (
-            f"{far.name} has answered {len(delays)} of {len(answer.tokens)} messages {self._over(results)}"
-            f", the slowest in {worst * 1000:.0f} ms{emulation_note}"
+            f"{far.name} responded to {len(delays)} of {len(answer.tokens)} messages {self._over(results)}, the "
+            f"slowest in {worst * 1000:.0f} ms{emulation_note}"
         )
         if limit is not None and worst > limit:
-            message = f"{text}, and `answer_within_s` is {limit:g}"
-            return parse.fail("late", message, f"look at `provision links site={self.site.name}`")
+            message = f"{text}, but `answer_within_s` is {limit:g}"
+            return parse.fail("late", message, f"check `provision links site={self.site.name}`")
         if len(delays) < len(answer.tokens):
-            return parse.warn("data-lost", text, f"look at `provision links site={self.site.name}`")
+            return parse.warn("data-lost", text, f"check `provision links site={self.site.name}`")
         return parse.good("data-reaches", text)
 
     def _over(self, results: Mapping[str, base.Answer]) -> str:
         """Describe the route; the router reports which link carries the tunnel."""
         link = parse.active_link(self.site, results)
-        over = "a link that the router does not tell" if link is None else link.name
+        over = "an unknown link" if link is None else link.name
         return f"through the VPN over {over}"
 
     def _evidence(self, far: FarComputer, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
         name, address = self._asking
         answer = results[f"data {far.name}"]
-        way = parse.parse_json_list(results[f"way {far.name}"], name, "its way")
+        way = parse.parse_json_list(results[f"way {far.name}"], name, "its route")
         if not isinstance(way, LinkFinding) and way:
-            yield parse.read(f"way from {name} to {far.name}", f"{way[0].get('dev', '?')}, {self._over(results)}")
+            yield parse.read(f"route from {name} to {far.name}", f"{way[0].get('dev', '?')}, {self._over(results)}")
         for item in answer.answers if isinstance(answer, base.ReflectResult) else ():
             row = _row(item)
             there = f"there from {row.get('from', '?')} by {row.get('by', '?')}, back by {item.interface}"
             yield parse.measured_evidence(
-                f"message {address} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}"
+                f"message from {address} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}"
             )
 
 
@@ -185,18 +185,18 @@ def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> LinkFinding 
         return parse.fail(
             "no-way",
             f"{name} has no route to {far.name} at {far.address}",
-            f"on {name}: `systemctl restart openvpn-client@atlantis` sets the tunnel's routes again",
+            f"on {name}: `systemctl restart openvpn-client@atlantis` restores the tunnel's routes",
         )
-    way = parse.parse_json_list(answer, name, "its way to the other end")
+    way = parse.parse_json_list(answer, name, "its route to the other end")
     if isinstance(way, LinkFinding):
         return way
-    device = str(way[0].get("dev")) if way else "another way"
+    device = str(way[0].get("dev")) if way else "another path"
     if device == TUNNEL:
         return None
     return parse.fail(
         "way-outside-vpn",
-        f"data for {far.name} would leave {name} by {device}, and not through the VPN",
-        f"on {name}: `ip route get {far.address}` shows the route; remove the one that somebody has added",
+        f"data for {far.name} would leave {name} by {device} instead of the VPN",
+        f"on {name}: `ip route get {far.address}` shows the route; remove the one that was added manually",
     )
 
 
@@ -204,14 +204,14 @@ def _not_sent(name: str, far: FarComputer, answer: base.ReflectResult) -> LinkFi
     if answer.trouble is base.Trouble.REFUSED:
         return parse.fail(
             "nobody-answers-data",
-            f"{far.name} is there, and nothing at it answers messages",
-            f"on {far.name}: `systemctl status atlantis-reflector`; a run of {far.site} starts it",
+            f"{far.name} is reachable, but nothing there responds to messages",
+            f"on {far.name}: `systemctl status atlantis-reflector`; applying the configuration of {far.site} starts it",
         )
     if answer.trouble is base.Trouble.UNREACHABLE:
         return parse.fail(
             "data-not-sent",
             f"{name} could not send to {far.name}: {answer.words}",
-            f"on {name}: `ip route get {far.address}`; the item `vpn` tells whether the tunnel is up",
+            f"on {name}: `ip route get {far.address}`; the item `vpn` shows whether the tunnel is up",
         )
     return parse.silent(name, answer.trouble or base.Trouble.SILENT, answer.words)
 
@@ -231,26 +231,27 @@ def _strange(far: FarComputer, asking: str, item: base.ReflectReply, result: bas
     if row.get("token") not in result.tokens:
         return parse.fail(
             "other-data",
-            f"somebody at {item.sender} answers with something else than what was sent",
-            f"find out who answers at {far.address}: run the site of {far.name}, then repeat the check",
+            f"{item.sender} responds with other data than was sent",
+            f"find out what responds at {far.address}: apply the configuration of the site of {far.name}, then "
+            "repeat the check",
         )
     if item.sender != far.address or row.get("to") != far.address:
         return parse.fail(
             "answered-elsewhere",
-            f"{item.sender} answers what was sent to {far.address}",
-            f"no address may be translated inside the VPN: look at NAT rules between here and {far.name}",
+            f"{item.sender} responds to data sent to {far.address}",
+            f"addresses must not be translated inside the VPN: check the NAT rules between here and {far.name}",
         )
     if row.get("host") != far.name:
         return parse.fail(
             "other-computer",
-            f"{row.get('host')} answers at {far.address}, the address of {far.name}",
-            "each address of the VPN belongs to one member: `provision vpn status` shows who has it",
+            f"{row.get('host')} responds at {far.address}, the address of {far.name}",
+            "each VPN address belongs to one member: `provision vpn status` shows who has it",
         )
     if item.interface != TUNNEL or row.get("by") != TUNNEL or row.get("from") != asking:
         return parse.fail(
             "answered-outside-vpn",
-            f"a message has left the VPN: it came to {far.name} from {row.get('from')} by {row.get('by')}, "
-            f"and its answer came back by {item.interface}",
-            f"look at the routes of both computers: `ip route get {far.address}` here, `ip route get {asking}` there",
+            f"a message left the VPN: it reached {far.name} from {row.get('from')} by {row.get('by')}, and its "
+            f"response came back by {item.interface}",
+            f"check the routes of both computers: `ip route get {far.address}` here, `ip route get {asking}` there",
         )
     return None

@@ -114,16 +114,16 @@ def dds_check(site: parse.OwnSite) -> base.Step:
     """Return the step on the gateway's participants; if no program can check, it is a step for a person."""
     dds = site.inventory.pilot.dds
     if dds is None:
-        do = "The pilot declares no DDS, so that no program looks: see which robots speak ROS 2 here, and how."
-        return parse.by_hand("dds", "DDS of the pilot is seen", do, "Nobody needs DDS, or it is seen.", site.hosts[1:])
+        do = "The inventory has no DDS, so no program checks it: see which robots use ROS 2 here, and how."
+        return parse.by_hand("dds", "DDS of the pilot is seen", do, "DDS is not needed, or it is seen.", site.hosts[1:])
     if site.gateway is not None:
-        return parse.step("dds", f"DDS answers on the {site.gateway.kind}", _SeenParticipant(site), site.hosts[1:])
+        return parse.step("dds", f"DDS responds on the {site.gateway.kind}", _SeenParticipant(site), site.hosts[1:])
     return parse.by_hand(
         "dds",
         "DDS of another site is seen",
-        f"On a computer at {site.name}, list what DDS domain {dds.domain} carries, as with `ros2 topic list`: the site"
-        " has no gateway computer and no control centre that a program could ask.",
-        "Topics of a robot or a gateway at another site are there.",
+        f"On a computer at {site.name}, list what DDS domain {dds.domain} carries, for example with `ros2 topic "
+        "list`. The site has no gateway computer and no control centre to query.",
+        "The list has topics of a robot or a gateway at another site.",
         site.hosts,
     )
 
@@ -170,9 +170,9 @@ class _SeenParticipant:
         port_texts = [entry.ports for entry in (ours, *near) if entry.ports]
         there = [participant for participant in participants if participant.domain in {None, dds.domain}]
         evidence = (
-            parse.declared_evidence("domain of DDS", str(dds.domain)),
+            parse.declared_evidence("DDS domain", str(dds.domain)),
             parse.read(f"UDP ports of DDS on {gateway.name}", ", ".join(port_texts) or "none"),
-            parse.measured_evidence(f"DDS participants that answer at {self._address}", _list_addresses(there)),
+            parse.measured_evidence(f"DDS participants that respond at {self._address}", _list_addresses(there)),
         )
         if not there and not ours.participants and not ours.is_dds:
             return base.ProbeResult((_no_participant_finding(gateway.name, dds, near),), evidence)
@@ -186,22 +186,22 @@ class _SeenParticipant:
         address, domain = self._address, self._dds.domain
         if not there:
             message = (
-                f"no DDS participant answers at {address} of {name} in domain {domain}, though its ports are bound"
+                f"no DDS participant responds at {address} of {name} in domain {domain}, although its ports are in use"
             )
-            hint = f"on {name}: `sudo ss -ulpn` tells who has UDP port {bound.ports}; start the data gateway anew"
+            hint = f"on {name}: `sudo ss -ulpn` shows what uses UDP port {bound.ports}; restart the data gateway"
             return parse.unknown("nobody-answers", message, hint)
         reachable_participants = [participant for participant in there if address in participant.addresses]
         if not reachable_participants:
-            message = (
-                f"DDS on {name} says that it is reached at {_list_addresses(there)}, "
-                f"and others look for it at {address}"
+            message = f"DDS on {name} announces itself at {_list_addresses(there)}, but others look for it at {address}"
+            hint = (
+                "source the site's ros.env before starting it: ROS_LOCALHOST_ONLY or another profile restricts "
+                "it to that address"
             )
-            hint = "source the site's ros.env before starting it: ROS_LOCALHOST_ONLY or another profile binds it there"
             return parse.unknown("not-reachable", message, hint)
         where = f"at {address}, in domain {domain}"
         if len(reachable_participants) == 1:
-            return parse.good("answers", f"1 DDS participant on {name} answers {where}")
-        return parse.good("answers", f"{len(reachable_participants)} DDS participants on {name} answer {where}")
+            return parse.good("answers", f"1 DDS participant on {name} responds {where}")
+        return parse.good("answers", f"{len(reachable_participants)} DDS participants on {name} respond {where}")
 
 
 def _list_addresses(there: Sequence[_Participant]) -> str:
@@ -293,14 +293,14 @@ def _read_sockets(text: str) -> Iterator[_BoundPorts]:
 def _no_participant_finding(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> LinkFinding:
     if near:
         message = (
-            f"DDS on {name} runs in domain {parse.join_words(str(item.domain) for item in near)}, "
-            f"and {dds.domain} is declared"
+            f"DDS on {name} runs in domain {parse.join_words(str(item.domain) for item in near)}; the "
+            f"inventory says {dds.domain}"
         )
         return parse.fail(
-            "other-domain", message, "set ROS_DOMAIN_ID as declared: source the site's ros.env before starting"
+            "other-domain", message, "set ROS_DOMAIN_ID as in the inventory: source the site's ros.env before starting"
         )
     hint = f"start the data gateway or any ROS 2 node on {name}, then repeat the check"
-    message = f"nobody speaks DDS on {name} in domain {dds.domain}, so nothing is announced"
+    message = f"no program uses DDS on {name} in domain {dds.domain}, so nothing is announced"
     return parse.unknown("nobody-announces", message, hint)
 
 
@@ -310,19 +310,17 @@ def _judge_ports(name: str, dds: Dds, bound_ports: _BoundPorts) -> Iterator[Link
     late = [item for item in ours if item.participant is not None and item.participant >= dds.participants]
     if late:
         message = (
-            f"{len(late)} of the {len(ours)} DDS participants on {name} are beyond the declared {dds.participants}"
+            f"{len(late)} of the {len(ours)} DDS participants on {name} exceed the {dds.participants} of the inventory"
         )
-        yield parse.warn(
-            "too-many-participants", message, "no peer finds those: stop some, or declare more `participants`"
-        )
+        yield parse.warn("too-many-participants", message, "no peer finds these: stop some, or increase `participants`")
     drop_count = sum(our.drops for our in ours)
     if drop_count:
-        message = f"{name} has dropped {drop_count} announcements of DDS that no program took in time"
-        yield parse.warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
+        message = f"{name} dropped {drop_count} DDS announcements that no program read in time"
+        yield parse.warn("announcements-dropped", message, f"check the load of {name}; robots may be discovered late")
 
 
 def _profile(name: str, bound_ports: _BoundPorts) -> Iterator[LinkFinding]:
-    hint = "end what runs, source the site's ros.env of the link in use, and start it again"
+    hint = "stop what is running, source the site's ros.env for the link in use, and start it again"
     if bound_ports.strangers and not bound_ports.participants:
         message = (
             f"DDS on {name} runs in domain {bound_ports.domain} without the site's profile: no other site finds it"

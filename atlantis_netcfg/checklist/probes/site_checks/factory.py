@@ -28,7 +28,7 @@ _NAME = "MikroTik"
 
 def factory_defaults_check(site: parse.OwnSite) -> base.Step:
     """Return the step: hosts seen at such addresses, and those that respond to one ARP request on the LAN."""
-    return parse.step("factory-defaults", "Nobody is left on factory settings", _Factory(site), site.hosts)
+    return parse.step("factory-defaults", "No device is left on factory settings", _Factory(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class _Factory:
             for neighbour in part
         }
         pings = {
-            address: parse.rows(results[f"ping {address}"], router, "who answers its ARP questions", "sent")
+            address: parse.rows(results[f"ping {address}"], router, "the responses to its ARP requests", "sent")
             for address in self._addresses
         }
         answering_addresses = [
@@ -87,18 +87,20 @@ class _Factory:
             *_check_names(self.site.name, () if isinstance(names, LinkFinding) else names),
         ]
         ping_problems = (
-            [] if all(map(_was_sent, pings.values())) else [parse.unreadable(router, "who answers its ARP questions")]
+            []
+            if all(map(_was_sent, pings.values()))
+            else [parse.unreadable(router, "the responses to its ARP requests")]
         )
         silence = [part for part in (*result, names, *pings.values(), *ping_problems) if isinstance(part, LinkFinding)]
         evidence = (
-            *(parse.measured_evidence(f"{item}, asked by ARP", "answers") for item in answering_addresses),
+            *(parse.measured_evidence(f"{item}, queried by ARP", "answers") for item in answering_addresses),
             *(
                 parse.read(f"{address} on {place}", mac)
                 for (address, mac), place in neighbour_places.items()
                 if address in FACTORY
             ),
         )
-        told_of = f"nobody in the LAN answers at {parse.join_words(self._addresses)}"
+        told_of = f"nothing in the LAN responds at {parse.join_words(self._addresses)}"
         return base.ProbeResult(
             tuple(dict.fromkeys((*wrong, *silence))) or (parse.good("nobody-on-factory-settings", told_of),), evidence
         )
@@ -110,9 +112,11 @@ class _Factory:
             there = next(((mac, place) for (item, mac), place in neighbour_places.items() if item == address), None)
             if there is None and address not in answering_addresses:
                 continue
-            who = f"{there[0]} on {there[1]}" if there else "somebody in the LAN"
-            message = f"{who} answers at {address}, {FACTORY[address]}"
-            yield parse.fail("factory-address", message, "give that device its declared address, or unplug it")
+            who = f"{there[0]} on {there[1]}" if there else "a device in the LAN"
+            message = f"{who} responds at {address}, {FACTORY[address]}"
+            yield parse.fail(
+                "factory-address", message, "give that device its address from the inventory, or unplug it"
+            )
 
 
 def _has_answers(result: Sequence[Mapping[str, str]]) -> bool:

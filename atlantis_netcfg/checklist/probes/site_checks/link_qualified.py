@@ -36,7 +36,7 @@ def link_qualified_checks(site: parse.OwnSite) -> tuple[base.Step, ...]:
     return tuple(
         parse.step(
             f"{NAME}-{link.name}",
-            f"Link {link.name} was measured, and carries what it has to",
+            f"Link {link.name} was measured and meets its criteria",
             _LinkQualificationCheck(site, link),
             (*site.hosts[:1], *((link.device,) if link.device else ())),
         )
@@ -58,7 +58,7 @@ class _LinkQualificationCheck:
         answer = results["record"]
         if not isinstance(answer, base.LinkRecordResult) or answer.trouble is not None or answer.now is None:
             why = f": {answer.words}" if isinstance(answer, base.LinkRecordResult) and answer.words else ""
-            hint = f"look at `provision measure history site={self.site.name} link={self.link.name}`"
+            hint = f"check `provision measure history site={self.site.name} link={self.link.name}`"
             return base.ProbeResult(
                 (parse.unknown("not-readable", f"the measurements of {self.link.name} cannot be read{why}", hint),)
             )
@@ -68,7 +68,7 @@ class _LinkQualificationCheck:
             message = f"{self.link.name} was never measured by this computer"
             return base.ProbeResult((parse.unknown("never-measured", message, again),))
         if record.run.emulated and not answer.is_rehearsal:
-            message = f"the measurement of {self.link.name} was of an emulated link"
+            message = f"the measurement of {self.link.name} used an emulated link"
             return base.ProbeResult((parse.unknown("emulated", message, again),))
         wrong = (*self._wrong(record, answer.now, is_rehearsal=answer.is_rehearsal),)
         if answer.is_rehearsal:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
@@ -83,25 +83,25 @@ class _LinkQualificationCheck:
         open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
         why = f": {run.way_reason}" if run.way_reason else ""
         if failed_criteria:
-            message = f"{name} does not hold `{record.thresholds_name}`: {parse.join_words(failed_criteria)}"
-            show_hint = f"`provision measure show site={self.site.name} run={run.id}` shows all of it"
+            message = f"{name} does not meet `{record.thresholds_name}`: {parse.join_words(failed_criteria)}"
+            show_hint = f"`provision measure show site={self.site.name} run={run.id}` shows the full result"
             yield parse.fail("beyond-the-limit", message, again if is_rehearsal else show_hint)
         if run.way is Verdict.FAIL:
-            yield parse.fail("other-link", f"the measurement of {name} left by another link{why}", again)
+            yield parse.fail("other-link", f"the measurement of {name} went over another link{why}", again)
         elif run.way is not Verdict.PASS:
-            yield parse.unknown(
-                "way-not-proved", f"that the measurement of {name} left by it is not proved{why}", again
-            )
+            yield parse.unknown("way-not-proved", f"no proof that the measurement of {name} went over it{why}", again)
         if not run.far_end.authenticated:
-            message = f"{run.far_end.name}, which answered the measurement of {name}, is no far end of ours"
+            message = (
+                f"{run.far_end.name}, which responded to the measurement of {name}, is not an authenticated far end"
+            )
             yield parse.unknown("other-far-end", message, again)
         if run.reason != EndReason.DONE:
-            yield parse.unknown("cut-short", f"the measurement of {name} did not go to its end: {run.reason}", again)
+            yield parse.unknown("cut-short", f"the measurement of {name} was not completed: {run.reason}", again)
         if open_ or not record.judgements:
-            what = parse.join_words(open_) or "it has no round trips without load"
-            yield parse.unknown("not-proved", f"the measurement of {name} leaves open: {what}", again)
+            what = parse.join_words(open_) or "no round trips without load"
+            yield parse.unknown("not-proved", f"the measurement of {name} does not decide: {what}", again)
         if run.kind != self.link.kind.value:
-            kinds = f"it was of kind {run.kind}, and is of kind {self.link.kind.value} now"
+            kinds = f"its kind was {run.kind}, and is now {self.link.kind.value}"
             yield parse.unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
         yield from self._check_age(run.begun, now)
 
@@ -109,28 +109,28 @@ class _LinkQualificationCheck:
         days = self.site.site_config.checklist.qualified_within_days
         again = f"`provision measure link site={self.site.name} link={self.link.name}` measures it"
         if start > now + _AHEAD:
-            message = f"the measurement of {self.link.name} is of the future: {start:%Y-%m-%d %H:%M} UTC"
-            yield parse.unknown("of-the-future", message, "look at this computer's clock, then measure again")
+            message = f"the measurement of {self.link.name} is dated in the future: {start:%Y-%m-%d %H:%M} UTC"
+            yield parse.unknown("of-the-future", message, "check this computer's clock, then measure again")
         elif now - start > timedelta(days=days):
             age = (now - start).days
-            old = f"the last measurement of {self.link.name} is {age} days old, and {days} are allowed"
+            old = f"the last measurement of {self.link.name} is {age} days old; the limit is {days}"
             yield parse.unknown("stale", old, again)
 
     def _not_measured(self) -> LinkFinding:
-        message = f"{self.link.name} was not measured: a rehearsed checklist measures no link"
+        message = f"{self.link.name} was not measured: a checklist rehearsal measures no link"
         return LinkFinding(Verdict.SKIP, "not-measured", message)
 
     def _good_finding(self, record: QualifyRecord, now: datetime) -> LinkFinding:
         count, age = len(record.judgements), (now - record.run.begun).days
         since = "today" if age < 1 else "yesterday" if age == 1 else f"{age} days ago"
-        message = f"{self.link.name} holds all {count} criteria of `{record.thresholds_name}`, measured {since}"
+        message = f"{self.link.name} meets all {count} criteria of `{record.thresholds_name}`, measured {since}"
         return parse.good("qualified", message)
 
 
 def _evidence(record: QualifyRecord) -> Iterator[Evidence]:
     run = record.run
-    yield parse.read("measurement", f"{run.id}, begun {run.begun:%Y-%m-%d %H:%M} UTC")
+    yield parse.read("measurement", f"{run.id}, started {run.begun:%Y-%m-%d %H:%M} UTC")
     yield parse.read("SHA-256 of its samples", record.samples_sha256)
     for item in record.judgements:
-        value = "not known" if item.measured is None else f"{item.measured:.4g} {item.unit}".rstrip()
+        value = "unknown" if item.measured is None else f"{item.measured:.4g} {item.unit}".rstrip()
         yield parse.measured_evidence(item.criterion, f"{value}, limit {item.limit:g}: {item.verdict.value}")

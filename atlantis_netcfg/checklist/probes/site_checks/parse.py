@@ -54,27 +54,27 @@ def silent(who: str, trouble: base.Trouble, words: str) -> LinkFinding:
 _SILENT = {
     base.Trouble.NO_PLACE: (
         "not-reached",
-        "{who} was not reached, so that nobody could look",
-        "is {who} switched on, and is this computer in the network by which it is managed?",
+        "{who} was not reachable, so this was not checked",
+        "check that {who} is switched on, and that this computer is in its management network",
     ),
     base.Trouble.SILENT: (
         "no-answer",
-        "{who} did not answer in time",
-        "repeat the check; if it stays so, restart {who}",
+        "{who} did not respond in time",
+        "repeat the check; if nothing changes, restart {who}",
     ),
     base.Trouble.DENIED: (
         "denied",
-        "{who} does not let us look",
+        "{who} denies permission for this check",
         "log in to {who} as root, or as an account that may use sudo without a password",
     ),
     base.Trouble.MISSING: (
         "no-program",
-        "{who} lacks what it takes to look",
-        "run the site once, which installs what a gateway computer needs",
+        "{who} lacks what this check needs",
+        "apply the site's configuration once, which installs what a gateway computer needs",
     ),
     base.Trouble.BUSY: (
         "in-use",
-        "another program of {who} holds what it takes to look",
+        "another program on {who} uses what this check needs",
         "end the other program, or repeat the check in a minute",
     ),
 }
@@ -84,8 +84,8 @@ def unreadable(who: str, what: str) -> LinkFinding:
     """Return the finding for a response that cannot be parsed."""
     return unknown(
         "unreadable",
-        f"what {who} says of {what} makes no sense",
-        f"repeat the check; if it stays so, look at {who} itself",
+        f"{who} reports {what} in an unknown form",
+        f"repeat the check; if nothing changes, check {who} manually",
     )
 
 
@@ -165,8 +165,8 @@ def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[st
         return silent(who, answer.trouble, answer.words)
     if answer.rows is None:
         text = f": {answer.words}" if answer.words else ""
-        hint = f"this version of RouterOS may not have it: look at {who} by hand"
-        return unknown("refused", f"{who} does not tell {what}{text}", hint)
+        hint = f"this RouterOS version may not support it: check {who} manually"
+        return unknown("refused", f"{who} does not report {what}{text}", hint)
     if answer.rows and not any(key in row for row in answer.rows):
         return unreadable(who, what)
     return answer.rows
@@ -179,8 +179,8 @@ def get_output(answer: base.Answer, who: str) -> str | LinkFinding:
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
     if answer.rc != 0:
-        text = (answer.err.strip().splitlines() or [f"exit {answer.rc}"])[-1]
-        return unknown("program-failed", f"a program on {who} failed: {text[:160]}", f"try the same on {who} by hand")
+        text = (answer.err.strip().splitlines() or [f"exit code {answer.rc}"])[-1]
+        return unknown("program-failed", f"a program on {who} failed: {text[:160]}", f"try the same on {who} manually")
     return answer.out
 
 
@@ -252,7 +252,7 @@ def _interface(text: str | None) -> IPv4Interface | None:
 def neighbours(answer: base.Answer, who: str) -> tuple[Neighbour, ...] | LinkFinding:
     """Return neighbours: of a computer from `ip -j neigh show`, of a router from `/ip/arp`."""
     if isinstance(answer, base.Rows):
-        arp_rows = rows(answer, who, "its table of ARP", "address")
+        arp_rows = rows(answer, who, "its ARP table", "address")
         return arp_rows if isinstance(arp_rows, LinkFinding) else tuple(_arp(arp_rows, who))
     result = parse_json_list(answer, who, "its neighbours")
     return result if isinstance(result, LinkFinding) else tuple(_neigh(result, who))

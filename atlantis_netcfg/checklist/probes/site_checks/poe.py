@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 _NAMES = "names"
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _FAULTS: Mapping[str, str] = {
-    "short-circuit": "a short circuit: take the cable off and look for water in the plug",
-    "short_circuit": "a short circuit: take the cable off and look for water in the plug",
-    "overload": "an overload: the box draws more than the port gives",
-    "voltage-too-low": "too low a voltage: look at the router's own power supply",
-    "voltage-too-high": "too high a voltage: look at the router's own power supply",
-    "current-too-low": "too low a current, as with a broken cable",
+    "short-circuit": "a short circuit: unplug the cable and check the plug for water",
+    "short_circuit": "a short circuit: unplug the cable and check the plug for water",
+    "overload": "an overload: the device draws more than the port supplies",
+    "voltage-too-low": "a low voltage: check the router's own power supply",
+    "voltage-too-high": "a high voltage: check the router's own power supply",
+    "current-too-low": "a low current, for example from a broken cable",
     "controller-error": "an error of its PoE controller: restart the router",
 }
 """Faults as RouterOS reports them (Manual, PoE-Out) -> what they mean."""
@@ -33,9 +33,9 @@ _FAULTS: Mapping[str, str] = {
 def poe_check(site: parse.OwnSite) -> base.Step:
     """Return one step for all PoE ports."""
     ports = _feeding_ports(site)
-    unless = "" if ports else "no port of the router is declared to feed power"
+    unless = "" if ports else "no port of the router supplies power in the inventory"
     fed = tuple(_fed(site).values())
-    return parse.step("poe", "Boxes are fed by PoE", _PoeCheck(site), (*site.hosts[:1], *fed), unless)
+    return parse.step("poe", "Devices are powered by PoE", _PoeCheck(site), (*site.hosts[:1], *fed), unless)
 
 
 def _feeding_ports(site: parse.OwnSite) -> tuple[str, ...]:
@@ -100,7 +100,9 @@ class _PoeCheck:
     def _good_finding(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> LinkFinding:
         draws = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
         if not draws:
-            return parse.good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
+            return parse.good(
+                "no-fault", "no port that supplies power has a fault; the inventory has no device powered by one"
+            )
         return parse.good(
             "powered", f"{parse.join_words(draws)} {'draws' if len(draws) == 1 else 'draw'} power from the router"
         )
@@ -111,8 +113,8 @@ def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[s
     name_by_port = {row.get("default-name", ""): row.get("name", "") for row in names}
     for port in ports:
         if name_by_port.get(port, port) != port:
-            message = f"{port} of {name} is called {name_by_port[port]} there, so that its power was not told"
-            yield parse.fail("port-renamed", message, "run the site, which gives ports their names back")
+            message = f"{port} of {name} is named {name_by_port[port]} there, so its power was not reported"
+            yield parse.fail("port-renamed", message, "apply the site's configuration, which restores the port names")
 
 
 def _board(name: str, values: Mapping[str, object]) -> LinkFinding | None:
@@ -120,9 +122,9 @@ def _board(name: str, values: Mapping[str, object]) -> LinkFinding | None:
     if any(not isinstance(item, LinkFinding) or item.code != "refused" for item in values.values()):
         return None
     message = (
-        f"{name} tells nothing of PoE: it seems to have none, though {parse.join_words(values)} are declared to feed"
+        f"{name} reports no PoE and seems to have none, but in the inventory {parse.join_words(values)} supply power"
     )
-    hint = "compare `poe` of the router's ports with the box; on a board without PoE each box has its own supply"
+    hint = "compare `poe` of the router's ports with the hardware; without PoE each device needs its own power supply"
     return parse.unknown("no-poe", message, hint)
 
 
@@ -133,10 +135,10 @@ def _row_of(port: str, result: tuple[Mapping[str, str], ...] | LinkFinding) -> M
 def _judge_port(
     name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode
 ) -> Iterator[LinkFinding]:
-    where = f"{port} of {name}" + (f", which feeds {box}" if box else "")
+    where = f"{port} of {name}" + (f", which powers {box}" if box else "")
     if row is None or "poe-out-status" not in row:
-        hint = "compare `poe` of the router's ports with the box: not every port and not every router can feed"
-        yield parse.unknown("port-untold", f"the router does not tell the power on {where}", hint)
+        hint = "compare `poe` of the router's ports with the hardware: not every port or router can supply power"
+        yield parse.unknown("port-untold", f"the router does not report the power on {where}", hint)
         return
     status = row["poe-out-status"]
     if status in _FAULTS:
@@ -144,25 +146,27 @@ def _judge_port(
     elif box is None:
         return
     elif status in {"waiting-for-load", "waiting_for_load"}:
-        message = f"nobody draws power on {where}: it waits for a load"
+        message = f"no device draws power on {where}: the port waits for a load"
         yield parse.fail(
-            "nobody-draws", message, f"is {box} plugged in at {port}, with a cable that has all eight wires?"
+            "nobody-draws", message, f"check that {box} is connected to {port}, with a cable that has all eight wires"
         )
     elif status in {"off", "disabled"}:
         yield parse.fail(
-            "poe-off", f"the power on {where}, is switched off", "run the site, which switches it on as declared"
+            "poe-off", f"the power on {where}, is switched off", "apply the site's configuration, which switches it on"
         )
     elif status not in {"powered-on", "powered_on"}:
         yield parse.unknown(
-            "status-unknown", f"{where}, reports `{status}`", "look up that word in the manual of the router"
+            "status-unknown", f"{where}, reports `{status}`", "look up that status in the router's manual"
         )
     elif _value(row, "poe-out-current") == 0 or _value(row, "poe-out-power") == 0:
         yield parse.warn(
-            "draws-nothing", f"{where}, is powered and draws nothing", f"is {box} fed from elsewhere as well?"
+            "draws-nothing",
+            f"{where}, is powered but draws nothing",
+            f"check whether {box} is also powered from elsewhere",
         )
     elif mode is PoeMode.FORCED_ON and _value(row, "poe-out-current") is None and _value(row, "poe-out-power") is None:
-        message = f"{where}, is powered whether or not anybody is there, and the router does not tell what it draws"
-        yield parse.unknown("draw-untold", message, f"look at the lamps of {box}, or set the port to `auto-on`")
+        message = f"{where}, is always powered, and the router does not report the power drawn"
+        yield parse.unknown("draw-untold", message, f"check the LEDs of {box}, or set the port to `auto-on`")
 
 
 def _value(row: Mapping[str, str], name: str) -> float | None:
@@ -172,7 +176,7 @@ def _value(row: Mapping[str, str], name: str) -> float | None:
 
 
 def _draw(row: Mapping[str, str]) -> str:
-    return row.get("poe-out-power") or row.get("poe-out-current") or "figure not told"
+    return row.get("poe-out-power") or row.get("poe-out-current") or "value not reported"
 
 
 def _describe_power(row: Mapping[str, str]) -> str:

@@ -31,7 +31,7 @@ _BROAD = 8
 
 def default_route_check(site: parse.OwnSite) -> base.Step:
     """Return the step comparing the router's routes, the state of its links, and the gateway's default route."""
-    return parse.step("default-route", "Traffic leaves by the bearer that is meant", _DefaultRoute(site), site.hosts)
+    return parse.step("default-route", "Traffic leaves by the intended link", _DefaultRoute(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class _DefaultRoute:
         if not active:
             yield _no_route_finding(self.site.name, foreign=[row for row in routes if _in_force(row)])
         elif len(active) > 1:
-            hint = "look at `/ip/route print` of the router for a default route that `provision` did not write"
+            hint = "check `/ip/route print` of the router for a default route that `provision` did not write"
             yield parse.fail("two-ways", f"the site's traffic is split between {parse.join_words(active)}", hint)
         elif policy.active_link(routes, self._link_routes) is None:
             yield _no_route_finding(self.site.name, foreign=[row for row in routes if _in_force(row)])
@@ -91,7 +91,7 @@ class _DefaultRoute:
             if not isinstance(status, LinkFinding) and _state(status) is LinkState.UP
         ]
         unseen = [name for name, status in better.items() if isinstance(status, LinkFinding) or _state(status) is None]
-        cost_note = ", which costs by the byte" if links[place].metered else ""
+        cost_note = ", which is metered" if links[place].metered else ""
         if (use := _temporary_use_finding(results[f"look {active}"], active)) is not None:
             return parse.warn(
                 "in-use-for-a-time", f"traffic leaves by {active}{cost_note}: {use['message']}", use["hint"]
@@ -100,21 +100,24 @@ class _DefaultRoute:
             return self._not_best_finding(active, cost_note, up)
         if unseen:
             message = (
-                f"traffic leaves by {active}{cost_note}; whether {parse.join_words(unseen)}, which is better, works, "
-                "is not known"
+                f"traffic leaves by {active}{cost_note}; the state of {parse.join_words(unseen)}, which is "
+                "better, is unknown"
             )
             return parse.unknown(
                 "better-unknown",
                 message,
-                f"look at `provision links site={self.site.name}` when the boxes answer again",
+                f"check `provision links site={self.site.name}` when the devices respond again",
             )
         why = f", because {parse.join_words(better)} is not up" if better else ""
         return parse.good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
 
     def _not_best_finding(self, active: str, cost_note: str, up: list[str]) -> LinkFinding:
-        message = f"traffic leaves by {active}{cost_note}, though {up[0]} is up and better"
+        message = f"traffic leaves by {active}{cost_note}, although {up[0]} is up and better"
         wait = self.site.site_config.failover.fail_back_s
-        hint = f"a better link is taken back after {wait} s without a break: wait so long, then run the site"
+        hint = (
+            f"a better link is used again after {wait} s without interruption: wait that long, then apply the "
+            "site's configuration"
+        )
         return (
             parse.fail("metered-by-mistake", message, hint) if cost_note else parse.warn("not-the-best", message, hint)
         )
@@ -139,13 +142,18 @@ def _temporary_use_finding(look: base.Answer, active: str) -> Mapping[str, str] 
 def _no_route_finding(site: str, foreign: Sequence[Mapping[str, str]]) -> LinkFinding:
     if foreign:
         message = (
-            f"the default route of the router leads to {foreign[0].get('gateway', '?')}, which is no bearer of {site}"
+            f"the default route of the router leads to {foreign[0].get('gateway', '?')}, which is not a link of {site}"
         )
         return parse.fail(
-            "foreign-route", message, "remove that route on the router, or run the site, which puts its own back"
+            "foreign-route",
+            message,
+            "remove that route on the router, or apply the site's configuration, which restores its own route",
         )
-    hint = f"look at `provision links site={site}`: is any bearer up? then run the site, which puts its routes back"
-    return parse.fail("no-default-route", "the router has no default route in force: nothing leaves the site", hint)
+    hint = (
+        f"check with `provision links site={site}` that a link is up; then apply the site's configuration, which "
+        "restores its routes"
+    )
+    return parse.fail("no-default-route", "the router has no active default route: nothing leaves the site", hint)
 
 
 def _is_broad(text: str) -> bool:
@@ -160,7 +168,9 @@ def _find_broad_route(rows: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding
     there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
     if there is not None:
         message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
-        yield parse.fail("broader-route", message, "remove that route on the router, then run the site")
+        yield parse.fail(
+            "broader-route", message, "remove that route on the router, then apply the site's configuration"
+        )
 
 
 def _in_force(row: Mapping[str, str]) -> bool:
@@ -190,7 +200,7 @@ def _is_dead(row: Mapping[str, Any]) -> bool:
 
 
 def _judge_computer_routes(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[LinkFinding]:
-    hint = f"set the default route of {name} to {router} alone: `provision` writes it where `network:` is declared"
+    hint = f"set the default route of {name} only to {router}: `provision` writes it if `network:` is set"
     ways = sorted((row for row in routes if row.get("dst") == "default" and not _is_dead(row)), key=_metric)
     broad = next((route for route in routes if _is_broad(str(route.get("dst", "")))), None)
     if broad is not None:
@@ -212,7 +222,9 @@ def _judge_computer_routes(name: str, router: str, routes: Sequence[Mapping[str,
         yield parse.fail("gateway-two-routes", f"{name} has two default routes, to {router} and to {others[0]}", hint)
     elif others:
         yield parse.warn(
-            "gateway-spare-route", f"{name} has a second default route, to {others[0]}, behind the right one", hint
+            "gateway-spare-route",
+            f"{name} has a second default route, to {others[0]}, with lower priority than the right one",
+            hint,
         )
     else:
         yield parse.good("gateway-by-the-router", f"the default route of {name} leads to the router {router}")
@@ -227,7 +239,7 @@ _NO_MATCHERS = frozenset(
 _MATCHERS = tuple(field.name for field in MENUS["/ip/firewall/filter"].fields if field.name not in _NO_MATCHERS)
 """Every property by which a rule matches only some packets: one that is not read may be a hole."""
 _RULE = ("chain", "action", "disabled", "invalid", "jump-target", *_MATCHERS)
-_RUN = "run the site before anything else: every byte that slips through is paid"
+_RUN = "apply the site's configuration before anything else: every byte that passes costs money"
 
 
 def satellite_filter_check(site: parse.OwnSite) -> base.Step:
@@ -239,7 +251,7 @@ def satellite_filter_check(site: parse.OwnSite) -> base.Step:
     )
     return parse.step(
         "satellite-filter",
-        "The satellite's allow-list stands in the router",
+        "The router has the satellite allow-list",
         _Filter(site),
         (*site.hosts[:1], *boxes),
         unless,
@@ -290,10 +302,10 @@ class _Filter:
         values = parse.link_status(results[f"look {satellite.name}"], satellite.name)
         quality = {} if isinstance(values, LinkFinding) else values.get("quality") or {}
         count = quality.get("kept_off_packets")
-        count_note = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
+        count_note = f", and has blocked {count} packets so far" if isinstance(count, int) else ""
         target_names = parse.join_words(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
         return parse.good(
-            "stands", f"the allow-list of {satellite.name} lets through {target_names} and nothing else{count_note}"
+            "stands", f"the allow-list of {satellite.name} passes {target_names} and nothing else{count_note}"
         )
 
 
@@ -306,28 +318,30 @@ def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Itera
         yield from _jump_findings(satellite, [row for row in rules if row.get("chain") == chain], chain)
     local = [row for row in rules if row.get("chain") == satellite.chain]
     if not local or local[-1].get("action") != "drop" or _narrow(local[-1]):
-        yield parse.fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
+        yield parse.fail(
+            "not-dropped", f"chain {satellite.chain} does not end with a rule that drops everything else", _RUN
+        )
     expected_targets = {(item.address, str(item.port or ""), item.transport or "") for item in satellite.targets}
     letting = [row for row in local if row.get("action") not in _HOLDS]
     there = {_target(row) for row in letting}
     whole = {_target(row) for row in letting if not _narrow(row, _TARGET)}
     for target in sorted(there - expected_targets):
-        message = f"the allow-list of {satellite.name} also lets through {_target_text(target)}"
-        hint = "declare it under `allow:` if it is meant; else run the site, which takes it out"
+        message = f"the allow-list of {satellite.name} also passes {_target_text(target)}"
+        hint = "add it under `allow:` if it is intended; otherwise apply the site's configuration, which removes it"
         yield parse.fail("too-wide", message, hint)
     for target in sorted(expected_targets - whole):
-        message = f"the allow-list of {satellite.name} does not let through {_target_text(target)}"
-        yield parse.fail("too-narrow", message, "run the site, which puts the declared rule back")
+        message = f"the allow-list of {satellite.name} does not pass {_target_text(target)}"
+        yield parse.fail("too-narrow", message, "apply the site's configuration, which restores the rule")
 
 
 def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[LinkFinding]:
     """Yield findings unless all outgoing traffic reaches the allow-list before another rule accepts it."""
     place = next((place for place, row in enumerate(rules) if _is_jump_to(row, satellite)), None)
     if place is None:
-        message = f"what leaves over {satellite.name} is not asked: chain {chain} has no rule that leads to"
+        message = f"traffic over {satellite.name} is not checked: chain {chain} has no rule that leads to"
         yield parse.fail("not-asked", f"{message} {satellite.chain}", _RUN)
     elif any(_accepts(row, satellite) for row in rules[:place]):
-        message = f"a rule of chain {chain} accepts packets for {satellite.name} before its allow-list is asked"
+        message = f"a rule of chain {chain} accepts packets for {satellite.name} before its allow-list is checked"
         yield parse.fail("bypassed", message, _RUN)
 
 
@@ -347,7 +361,7 @@ def _is_inside(text: str, network: str) -> bool:
 
 def _target(row: Mapping[str, str]) -> tuple[str, str, str]:
     leads = row.get("action") == "jump"
-    anywhere = f"what chain {row.get('jump-target', '?')} lets through" if leads else "any address"
+    anywhere = f"what chain {row.get('jump-target', '?')} passes" if leads else "any address"
     return row.get("dst-address", anywhere), row.get("dst-port", ""), row.get("protocol", "")
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 TUNNEL = "tun0"
 """Interface of the gateway computer (`templates/openvpn/client.conf.j2`)."""
 _PINGS = 5
-_REVOKED_HINT = "`provision vpn status` tells whether its identity is known; look at its log for the server's reason"
+_REVOKED_HINT = "`provision vpn status` shows whether its identity is known; check its log for the server's reason"
 
 
 def vpn_check(site: parse.OwnSite) -> base.Step:
@@ -35,16 +35,16 @@ def vpn_check(site: parse.OwnSite) -> base.Step:
         if isinstance(host.device, SshHost) and host.device.vpn_address is not None
     }
     if not members:
-        do = f"No host of {site.name} is declared in the VPN: see by which way it reaches the other sites."
+        do = f"The inventory has no device of {site.name} in the VPN: check how it reaches the other sites."
         return parse.by_hand(
-            "vpn", title, do, "Another site answers, and by no way that is open to everybody.", site.hosts
+            "vpn", title, do, "Another site responds, over a path that is not open to the public.", site.hosts
         )
     return parse.by_hand(
         "vpn",
         title,
-        f"On {' and '.join(members)}, look at the tunnel's address, and ping a member at another site through the"
-        " tunnel: neither router, gateway computer nor control centre of this site is in the VPN, so no program can.",
-        f"{' and '.join(f'{name} has {address}' for name, address in members.items())}, and the other site answers.",
+        f"On {' and '.join(members)}, check the tunnel's address, and ping a member at another site through the "
+        "tunnel. No router, gateway computer or control centre of this site is in the VPN, so no program can do it.",
+        f"{' and '.join((f'{name} has {address}' for name, address in members.items()))}, and the other site responds.",
         tuple(members),
     )
 
@@ -99,11 +99,13 @@ class _VpnCheck:
             return
         row = next((row for row in result if row.get("name") == tunnel.interface), None)
         if row is None:
-            hint = f"`provision vpn install device={name}`, and after it `provision site={self.site.name}`"
+            hint = f"`provision vpn install device={name}`, then `provision site={self.site.name}`"
             yield parse.fail("router-no-tunnel", f"{name} has no tunnel {tunnel.interface}", hint)
         elif parse.yes(row, "disabled"):
             yield parse.fail(
-                "router-tunnel-off", f"{tunnel.interface} of {name} is switched off", "run the site to enable it"
+                "router-tunnel-off",
+                f"{tunnel.interface} of {name} is disabled",
+                "apply the site's configuration to enable it",
             )
         elif not parse.yes(row, "running"):
             yield parse.fail(
@@ -128,16 +130,16 @@ class _VpnCheck:
             return
         there = [str(item.address.ip) for item in current if item.interface == TUNNEL]
         if not there:
-            hint = f"on {gateway.name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
-            yield parse.fail("gateway-no-tunnel", f"{gateway.name} has no tunnel: {TUNNEL} is not there", hint)
+            hint = f"on {gateway.name}: `systemctl status openvpn-client@atlantis`; its log shows what the server sent"
+            yield parse.fail("gateway-no-tunnel", f"{gateway.name} has no tunnel: {TUNNEL} is missing", hint)
             return
         yield _compare_address("gateway", f"{TUNNEL} of {gateway.name}", str(gateway.device.vpn_address), there)
         if "ping" in results:
             yield from self._judge_ping(gateway.name, results)
         else:
-            hint = "declare `vpn_address` of the VPN server, so that it can be asked"
+            hint = "set `vpn_address` of the VPN server, so that it can be pinged"
             yield parse.unknown(
-                "server-not-asked", f"nobody knows at which address {gateway.name} would ask the server", hint
+                "server-not-asked", f"the address at which {gateway.name} would ping the server is unknown", hint
             )
 
     def _judge_ping(self, name: str, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
@@ -156,22 +158,25 @@ class _VpnCheck:
         sent_count, received_count = echoes.sent_count, echoes.received_count
         if not received_count and self._is_over_satellite(results):
             message = (
-                f"the VPN server {server} answered none of {sent_count} pings, over a satellite that may pause for 70 s"
+                f"the VPN server {server} replied to none of {sent_count} pings, over a satellite that may "
+                "pause for 70 s"
             )
             return parse.unknown(
-                "server-silent", message, "repeat the check; three silent rounds are more than a pause"
+                "server-silent", message, "repeat the check; three rounds without a response are more than a pause"
             )
         if not received_count:
-            hint = "is the VPN server running? `provision vpn status` asks it"
+            hint = "check whether the VPN server is running: `provision vpn status` queries it"
             return parse.fail(
-                "server-silent", f"the VPN server {server} answered none of {sent_count} pings through the tunnel", hint
+                "server-silent",
+                f"the VPN server {server} replied to none of {sent_count} pings through the tunnel",
+                hint,
             )
         took = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
-        text = f"the VPN server {server} answers {received_count} of {sent_count} pings through the tunnel{took}"
+        text = f"the VPN server {server} replied to {received_count} of {sent_count} pings through the tunnel{took}"
         return (
             parse.good("server-answers", text)
             if received_count == sent_count
-            else parse.warn("server-lossy", text, f"look at `provision links site={self.site.name}`")
+            else parse.warn("server-lossy", text, f"check `provision links site={self.site.name}`")
         )
 
     def _is_over_satellite(self, results: Mapping[str, base.Answer]) -> bool:
@@ -195,9 +200,9 @@ class _VpnCheck:
 
 def _compare_address(code: str, what: str, expected_address: str, there: list[str]) -> LinkFinding:
     if expected_address in there:
-        return parse.good(f"{code}-tunnel", f"{what} is up, with its declared address {expected_address}")
+        return parse.good(f"{code}-tunnel", f"{what} is up, with its address {expected_address} of the inventory")
     has = there[0] if there else "no address"
-    message = f"{what} is up with {has}, and {expected_address} is declared"
+    message = f"{what} is up with {has}; the inventory says {expected_address}"
     return parse.fail(
-        f"{code}-tunnel-address", message, "`provision vpn sync` lets the server give each member its address"
+        f"{code}-tunnel-address", message, "`provision vpn sync` makes the server assign each member its address"
     )

@@ -213,9 +213,9 @@ def _run(*words: str) -> bytes:
 
 
 NOT_REHEARSED = (
-    "ROS 2: packages of its names are installed that are not ROS; talker and listener talk UDP, not DDS",
-    "recordings of ROS 2: what is written is noise",
-    "the archive of ROS: a signed archive of stand-ins with a key of its own takes its place",
+    "ROS 2: the installed packages have its names but are not ROS; talker and listener use UDP, not DDS",
+    "ROS 2 recordings: the recorded data are noise",
+    "the ROS archive: a signed archive of placeholder packages with its own key replaces it",
 )
 """Limits of a rehearsal with stub packages; printed in the rehearsal's report."""
 

@@ -25,8 +25,8 @@ PODMAN_IN_A_MACHINE: Mapping[str, str] = {
 }
 """Podman settings: no overlay on the machine's overlay disk, and no keyring, which systemd-nspawn does not allow."""
 NOT_REHEARSED = (
-    "containers: the images are stand-ins, which listen at the declared ports and do nothing else",
-    "containers: podman keeps them as plain folders (vfs), and makes no keyring for them",
+    "containers: the images are placeholders that only listen at the inventory's ports",
+    "containers: podman stores them as plain folders (vfs), and creates no keyring for them",
 )
 _ARCHITECTURES = {"x86_64": "amd64", "aarch64": "arm64"}
 _STANDARD_LIBRARY = ("collections", "encodings", "importlib", "lib-dynload", "re")

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 NOT_THEIRS = "a stand-in of the ATLANTIS toolkit, not the partners' library"
 """Notice in the output of the stub programs and in their sources."""
 
-NOT_REHEARSED = ("the interoperability library: small projects of ours are built in its place, and talk to nobody",)
+NOT_REHEARSED = (
+    "the interoperability library: small placeholder projects are built instead, and communicate with nothing",
+)
 """Limits of a rehearsal with stub packages."""
 
 LIBRARY, EXAMPLES, MESSAGES = "uv-interoperability", "uv-interoperability-example", "c4i-asset-msgs"

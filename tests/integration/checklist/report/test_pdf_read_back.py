@@ -56,7 +56,7 @@ def test_essentials_are_on_the_first_page(example: list[str]) -> None:
     for words in (
         "Pre-test checklist: Coastal testbed",
         "REHEARSAL: nothing real was checked.",
-        "Broken on purpose: • a second DHCP server at 10.64.1.77",
+        "Injected faults: • a second DHCP server at 10.64.1.77",
         "The checklist has not passed",
         "1 ERROR, 2 FAIL, 1 INCONCLUSIVE, 2 OPEN, 1 OVERRIDDEN, 1 WARN, 25 PASS, 1 SKIP",
         "Signed by A. Technician, 2026-05-04 11:12 WEST (10:12 UTC)",
@@ -85,8 +85,8 @@ def test_evidence_overrides_and_hashes_are_included(example: list[str]) -> None:
         "Zarco stays ashore today; its crew replaces the radio",
         f"failsafe.png: SHA-256 {made.sha256(made.photo())}",
         "sparus/wifi: ✓ PASS → ✗ FAIL: -22 dBm, was -50 dBm",
-        "Mares: Acoustic: left out by `phase=bench`",
-        "radio waves: the signal is what the twin is told to say",
+        "Mares: Acoustic: excluded by `phase=bench`",
+        "radio waves: the signal is what the twin is reported to say",
         made.sha256(b"the example inventory"),
     ):
         assert plain(one) in words

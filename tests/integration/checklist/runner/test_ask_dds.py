@@ -67,20 +67,20 @@ CASES = (
     Case(
         "nobody",
         (),
-        "INCONCLUSIVE nobody-announces: nobody speaks DDS on coastal-gateway in domain 0, so nothing is announced",
+        "INCONCLUSIVE nobody-announces: no program uses DDS on coastal-gateway in domain 0, so nothing is announced",
         "none",
     ),
     Case(
         "two",
         (DECLARED, DECLARED),
-        "PASS answers: 2 DDS participants on coastal-gateway answer at 10.80.0.21, in domain 0",
+        "PASS responses: 2 DDS participants on coastal-gateway respond at 10.80.0.21, in domain 0",
         "7410, 7412",
         "10.80.0.21",
     ),
     Case(
         "in another domain",
         (OTHER,),
-        "FAIL other-domain: DDS on coastal-gateway runs in domain 42, and 0 is declared",
+        "FAIL other-domain: DDS on coastal-gateway runs in domain 42; the inventory says 0",
         "17910",
     ),
     Case(
@@ -94,16 +94,16 @@ CASES = (
     Case(
         "on the loopback alone",
         (DECLARED,),
-        "INCONCLUSIVE nobody-answers: no DDS participant answers at 10.80.0.21 of coastal-gateway in domain 0, though "
-        "its ports are bound",
+        "INCONCLUSIVE nobody-answers: no DDS participant responds at 10.80.0.21 of coastal-gateway in domain 0, "
+        "although its ports are in use",
         "7410",
         profile=LOOPBACK,
     ),
     Case(
         "another program at its ports",
         (),
-        "INCONCLUSIVE nobody-answers: no DDS participant answers at 10.80.0.21 of coastal-gateway in domain 0, though "
-        "its ports are bound",
+        "INCONCLUSIVE nobody-answers: no DDS participant responds at 10.80.0.21 of coastal-gateway in domain 0, "
+        "although its ports are in use",
         "7410",
         squatter=True,
     ),
@@ -177,9 +177,9 @@ def test_participants_are_seen_by_their_ports(case: Case, tmp_path: Path) -> Non
         judged = inside(namespace, check(SHIPPED, "dds"), {})
     assert findings(judged) == [case.finding]
     assert [(one.type, one.what, one.value) for one in judged.evidence] == [
-        ("declared", "domain of DDS", "0"),
+        ("declared", "DDS domain", "0"),
         ("read", "UDP ports of DDS on coastal-gateway", case.ports),
-        ("measured", "DDS participants that answer at 10.80.0.21", case.answering),
+        ("measured", "DDS participants that respond at 10.80.0.21", case.answering),
     ]
 
 
@@ -195,12 +195,12 @@ def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
 @pytest.mark.parametrize(
     ("profile", "finding"),
     [
-        (SITE, "PASS answers: 1 DDS participant on coastal-gateway answers at 10.80.0.21, in domain 0"),
+        (SITE, "PASS responses: 1 DDS participant on coastal-gateway responds at 10.80.0.21, in domain 0"),
         (
             "127.0.0.1",
             (
-                "INCONCLUSIVE nobody-answers: no DDS participant answers at 10.80.0.21 of coastal-gateway in domain 0, "
-                "though its ports are bound"
+                "INCONCLUSIVE nobody-answers: no DDS participant responds at 10.80.0.21 of coastal-gateway in "
+                "domain 0, although its ports are in use"
             ),
         ),
         (
@@ -211,7 +211,7 @@ def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
             ),
         ),
     ],
-    ids=["with its profile", "on the loopback alone", "without its profile"],
+    ids=["create one encrypted file with its VPN and DDS profiles", "on the loopback alone", "without its profile"],
 )
 def test_fast_dds_participants_are_detected(
     fast_dds: tuple[str, ...], profile: str | None, finding: str, tmp_path: Path

@@ -77,5 +77,5 @@ def test_unreachable_or_unknown_device_is_reported(ears: tuple[RealTransport, li
     assert {one.trouble for one in found.values()} == {Trouble.NO_PLACE}
     assert found[CPE].words.startswith("127.0.0.1:1 cannot be reached: Connection refused")
     assert found["coastal-4g"].words == "coastal-4g is not emulated in this rehearsal"
-    assert found["coastal-gateway"].words == "coastal-gateway is a gateway: no role handles it yet"
+    assert found["coastal-gateway"].words == "coastal-gateway is a gateway, which is not supported yet"
     assert found["x"].words == "the inventory has no host `x`"

@@ -29,7 +29,7 @@ PINGED = CommandResult(
     + "".join(f"64 bytes from 10.64.1.23: icmp_seq={number} ttl=64 time=2.00 ms\n" for number in range(1, 21))
     + "20 packets transmitted, 20 received, 0% packet loss, time 3823ms\nrtt min/avg/max/mdev = 1/2/3/0 ms\n",
 )
-ANSWERS = "PASS answers: Zarco (10.64.1.23) answers 20 of 20 pings, in 2 ms"
+ANSWERS = "PASS responses: Zarco (10.64.1.23) replied to 20 of 20 pings, in 2 ms"
 STRANGER = "02:00:5E:00:01:23"
 NOBODY_LISTENS = 1
 """A port."""
@@ -108,36 +108,36 @@ def said(judged: ProbeResult) -> list[str]:
 def test_station_is_judged_by_the_registration_table_of_its_access_point(bridge: Bridge) -> None:
     """All that the air may do to it, in one test: a bridge of twins is made once for each family of menus."""
     judged = bridge.judged(bridge.mac)
-    assert said(judged) == ["PASS registered: Zarco is registered at scc-cpe, heard with -49 dBm", ANSWERS]
+    assert said(judged) == ["PASS registered: Zarco is registered at scc-cpe, signal -49 dBm", ANSWERS]
     told = {one.what: one.value for one in judged.evidence}
     assert told["station registered at scc-cpe"] == bridge.mac
     assert told["signal at scc-cpe"] == "-49 dBm"
-    assert told["signal wanted"] == "-75 to -35 dBm"
+    assert told["expected signal"] == "-75 to -35 dBm"
     bridge.air(distance_m=5.0)
     assert said(bridge.judged(bridge.mac)) == [
-        "PASS registered: Zarco is registered at scc-cpe, heard with -19 dBm",
-        "FAIL signal-strong: scc-cpe hears Zarco with -19 dBm, above -35 dBm: its receiver is overdriven",
+        "PASS registered: Zarco is registered at scc-cpe, signal -19 dBm",
+        "FAIL signal-strong: scc-cpe receives Zarco at -19 dBm, above -35 dBm: its receiver is overloaded",
         ANSWERS,
     ]
     bridge.air(loss_db=30.0)
     assert said(bridge.judged(bridge.mac)) == [
-        "PASS registered: Zarco is registered at scc-cpe, heard with -79 dBm",
-        "WARN signal-weak: scc-cpe hears Zarco with -79 dBm, below -75 dBm",
+        "PASS registered: Zarco is registered at scc-cpe, signal -79 dBm",
+        "WARN signal-weak: scc-cpe receives Zarco at -79 dBm, below -75 dBm",
         ANSWERS,
     ]
     bridge.air(loss_db=60.0)
     assert said(bridge.judged(bridge.mac)) == [
-        f"FAIL not-registered: Zarco ({bridge.mac}) is not registered at scc-cpe; nobody else is",
+        f"FAIL not-registered: Zarco ({bridge.mac}) is not registered at scc-cpe; registered there: none",
         ANSWERS,
     ]
 
 
 def test_other_station_or_unreachable_access_point_proves_nothing(bridge: Bridge) -> None:
     assert said(bridge.judged(STRANGER)) == [
-        f"FAIL not-registered: Zarco ({STRANGER}) is not registered at scc-cpe; 1 other is",
+        f"FAIL not-registered: Zarco ({STRANGER}) is not registered at scc-cpe; registered there: 1 other",
         ANSWERS,
     ]
     away, ping = said(bridge.judged(bridge.mac, NOBODY_LISTENS))
     refused = "127.0.0.1:1 cannot be reached: Connection refused"
-    assert away.startswith(f"INCONCLUSIVE not-asked: scc-cpe could not be asked: {refused}")
+    assert away.startswith(f"INCONCLUSIVE not-asked: scc-cpe could not be queried: {refused}")
     assert ping == ANSWERS

@@ -24,8 +24,8 @@ TOLD: Mapping[str, Answer] = {
 """By a healthy router."""
 HURRY = {"1": "0.2", "10": "1"}
 """Pings that nobody will answer: their interval and how long the last one is waited for, in seconds."""
-ROUTER = "PASS router-tunnel: ovpn-scc of coastal-router is up, with its declared address 10.80.0.11"
-UP = "PASS gateway-tunnel: tun0 of coastal-gateway is up, with its declared address 10.80.0.21"
+ROUTER = "PASS router-tunnel: ovpn-scc of coastal-router is up, with its address 10.80.0.11 of the inventory"
+UP = "PASS gateway-tunnel: tun0 of coastal-gateway is up, with its address 10.80.0.21 of the inventory"
 
 
 def asked(made: Vpn, hurry: Mapping[str, str] | None = None) -> ProbeResult:
@@ -55,10 +55,10 @@ def test_a_real_tunnel_is_up_then_without_its_server_then_gone(tmp_path: Path) -
         assert findings(asked(made, HURRY)) == [
             ROUTER,
             UP,
-            "FAIL server-silent: the VPN server 10.80.0.1 answered none of 5 pings through the tunnel",
+            "FAIL server-silent: the VPN server 10.80.0.1 replied to none of 5 pings through the tunnel",
         ]
         end(made, GATEWAY)
         assert findings(asked(made, HURRY)) == [
             ROUTER,
-            "FAIL gateway-no-tunnel: coastal-gateway has no tunnel: tun0 is not there",
+            "FAIL gateway-no-tunnel: coastal-gateway has no tunnel: tun0 is missing",
         ]

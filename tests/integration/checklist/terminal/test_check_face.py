@@ -60,7 +60,10 @@ def test_items_run_as_tests_without_extra_plugins() -> None:
 def test_real_run_is_refused_with_example_values() -> None:
     done = checks("--vehicle", "stork")
     assert done.returncode != 0
-    assert "the inventory still holds example values, which lead to nobody's devices" in done.stdout
+    assert (
+        "the inventory still contains example values, which match no real device: it is for rehearsals only"
+        in done.stdout
+    )
 
 
 def test_run_that_proves_nothing_is_not_green() -> None:

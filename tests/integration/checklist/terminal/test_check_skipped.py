@@ -65,4 +65,4 @@ def test_control_centre_is_checked_automatically(
     told = {item["id"]: item for item in json.loads(capsys.readouterr().out)["items"]}
     assert [(told[item]["verdict"], told[item]["kind"]) for item in UNSEEN] == [("PASS", "automatic")] * len(UNSEEN)
     assert told["scc/site/data-reaches-scc"]["title"] == "Data reach every gateway and come back"
-    assert told["scc/site/dds"]["title"] == "DDS answers on the control centre"
+    assert told["scc/site/dds"]["title"] == "DDS responds on the control centre"

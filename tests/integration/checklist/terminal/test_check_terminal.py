@@ -92,21 +92,21 @@ def test_interrupted_checklist_resumes_until_it_is_signed(
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path_factory.mktemp("terminal")))
     first = terminals()
-    first.answers("Does it hold?", "yes\n")
+    first.answers("Is it so?", "yes\n")
     first.answers("Note (may be empty):", "")
     first.interrupted()
     code, said = first.ends()
     assert code == 4, said
-    assert "stopped by Ctrl-C; what was found and answered until then is kept" in said
-    assert f"go on with `provision {' '.join(WORDS)}`" in " ".join(said.split()), "it is broken where the line ends"
+    assert "interrupted by Ctrl-C; results and responses so far are saved" in said
+    assert f"continue with `provision {' '.join(WORDS)}`" in " ".join(said.split()), "it is broken where the line ends"
     again = terminals()
-    again.answers("1 of 2 items are settled, 1 are open.", "")
+    again.answers("1 of 2 items are complete, 1 are open.", "")
     for question, answer in (
-        ("Does it hold?", "yes\n"),
+        ("Is it so?", "yes\n"),
         ("Note (may be empty):", "it followed us\n"),
-        ("Your name, as it shall stand in the report:", "A. Technician\n"),
-        ("Photo or file that shows it", "\n"),
-        ("Nothing is open. Sign it as it stands?", "yes\n"),
+        ("Your name, as it should appear in the report:", "A. Technician\n"),
+        ("Photo or file as evidence (a path", "\n"),
+        ("No item is open. Sign the checklist as it is?", "yes\n"),
     ):
         again.answers(question, answer)
     code, said = again.ends()

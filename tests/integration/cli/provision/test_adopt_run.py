@@ -134,7 +134,7 @@ def at(tmp_path: Path) -> Iterator[Bench]:
 @pytest.mark.parametrize("serial", [False, True], ids=["ssh", "serial"])
 def test_factory_router_reaches_the_desired_state_in_two_commands(at: Bench, serial: bool) -> None:  # noqa: FBT001
     adopted = at.json(*ADOPT, *at.via(serial), code=0)
-    assert (adopted["status"], adopted["standing"]) == ("changed", "factory-fresh")
+    assert (adopted["status"], adopted["background"]) == ("changed", ") is not in its factory state")
     assert "defconf" not in at.export()
 
     first = at.json(*RUN, "--yes", code=0)
@@ -181,10 +181,10 @@ def test_without_consent_nothing_is_changed(at: Bench) -> None:
     assert at.export() == before
     shown = at.provision(*ADOPT[:-1], "--plan", code=2)
     assert "1. set the clock" in shown
-    assert "make certificate atlantis-api on the device" in shown
+    assert "create certificate atlantis-api on the device" in shown
     assert at.export() == before
 
 
 def test_unreachable_address_is_reported(at: Bench) -> None:
     said = at.provision(*ADOPT, "address=127.0.0.9", code=4)
-    assert "127.0.0.9: nobody answers on the SSH port" in said
+    assert "127.0.0.9: no response on the SSH port" in said

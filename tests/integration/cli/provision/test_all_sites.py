@@ -57,7 +57,7 @@ def test_streamed_json_has_one_line_per_device(tmp_path: Path) -> None:
     document = json.loads(last)
     statuses = {name: told["status"] for name, told in document["devices"].items()}
     told = [json.loads(line)["device"] for line in lines]
-    silent = {"not handled yet", "not rehearsed"}
+    silent = {"not supported yet", "not rehearsed"}
     assert sorted(told) == sorted(name for name, status in statuses.items() if status not in silent)
     assert document["exit"] == 2
     planned = {name for name, status in statuses.items() if status == "planned"}

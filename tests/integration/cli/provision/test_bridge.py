@@ -119,7 +119,10 @@ def test_the_run_is_recorded_at_both_sites_under_one_name(tmp_path: Path) -> Non
     with both(root, "scc", "scc-cpe") as twins:
         planned = ask(root, tmp_path / "state", twins, "scc-cpe", mode="plan")
         assert statuses(planned) == dict.fromkeys(ENDS, "planned"), said(planned)
-        assert any("change as one, far end first" in note for note in planned["scc-cpe"]["notes"])
+        assert any(
+            "change together, far end first; if the link is not back within" in note
+            for note in planned["scc-cpe"]["notes"]
+        )
         assert store.sites() == ()
         first = ask(root, tmp_path / "state", twins, "scc-cpe")
         assert statuses(first) == dict.fromkeys(ENDS, "changed"), said(first)
@@ -197,7 +200,16 @@ WIRELESS = {"packages": ("routeros", "wireless")}
 @pytest.mark.parametrize(
     ("edits", "box", "message", "hint"),
     [
-        ({}, NEITHER, "since RouterOS 7.13 `wireless` is a package of its own", "put the package `wireless` on it"),
+        (
+            {},
+            NEITHER,
+            "since RouterOS 7.13 `wireless` is a separate package",
+            (
+                "install the package `wireless` "
+                "(802.11ax and some newer 802.11ac devices: `wifi-qcom`, `wifi-qcom-ac`) of the same version as "
+                "RouterOS, reboot, and run this command again"
+            ),
+        ),
         ({}, WIFI, "declared with protocol nv2, and its radio has the `wifi` menus", 'write `protocol: "802.11"`'),
         (
             {**PLAIN, "802.11ac": "802.11ac\n    menus: wifi"},
@@ -250,7 +262,7 @@ def test_new_bridge_is_set_up_one_end_after_the_other(tmp_path: Path, family: st
             assert statuses(planned) == {near: "planned", far: "left-as-found"}, said(planned)
             alone = ask(root, state, here, near)
             assert statuses(alone) == {near: "changed", far: "left-as-found"}, said(alone)
-            assert f"{near} goes alone" in alone[near]["notes"][-1]
+            assert f"{near} is changed. After" in alone[near]["notes"][-1]
             assert alone[far]["exit"] == 4
         again = ask(root, state, twins, ENDS[0])
         assert statuses(again) == dict.fromkeys(ENDS, "unchanged"), said(again)
@@ -276,7 +288,7 @@ def test_plain_ansible_includes_the_peer_of_a_limited_host(tmp_path: Path) -> No
         variables.write_text(json.dumps(request), encoding="utf-8")
         counts = [_play(root, variables) for _ in range(2)]
     assert "coastal-cpe : ok=2 changed=1" in counts[0], counts[0]
-    assert "; scc-cpe: " in counts[0], "the other end is told of, too"
+    assert "; scc-cpe: " in counts[0], "the other end is reported of, too"
     assert "coastal-cpe : ok=2 changed=0" in counts[1], counts[1]
     store = Store(state, is_rehearsal=True)
     assert [len(store.runs(site)) for site in ("coastal", "scc")] == [2, 2]

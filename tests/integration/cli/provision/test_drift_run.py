@@ -46,7 +46,7 @@ def tinker(at: Quay) -> None:
     rules = "/ip/firewall/filter"
     types(at, f"{rules}/set", f"=.id={row(at, rules, 'atlantis: ping from management')}", "=disabled=yes")
     types(at, f"{rules}/set", f"=.id={row(at, rules, 'atlantis: ntp1.atlantis.internal')}", "=dst-address=10.9.9.9")
-    wifi, known = row(at, rules, "atlantis: ping over wifi-ptp, to test it"), row(at, rules, "atlantis: answers")
+    wifi, known = row(at, rules, "atlantis: ping over wifi-ptp, to test it"), row(at, rules, "atlantis: responses")
     types(at, f"{rules}/move", f"=numbers={wifi}", f"=destination={known}")
     types(at, f"{rules}/add", "=chain=input", "=action=accept", "=src-address=10.9.9.9", "=comment=only for today")
     types(at, f"{rules}/remove", f"=.id={row(at, rules, 'atlantis: LAN by the best link')}")
@@ -76,7 +76,7 @@ def golden(name: str, text: str) -> None:
 @pytest.mark.smoke
 def test_foreign_changes_are_reported_and_repaired(at: Quay, tmp_path: Path) -> None:
     at.provision("site=coastal", "--yes", code=0)
-    assert "coastal-router: as declared\n" in at.provision("report", "drift", "site=coastal", code=0).stdout
+    assert "coastal-router: as in the inventory\n" in at.provision("report", "drift", "site=coastal", code=0).stdout
     tinker(at)
     before, entries = at.export(), at.do("console", words=["/system/history/print"])
     at.do("reset")
@@ -90,11 +90,11 @@ def test_foreign_changes_are_reported_and_repaired(at: Quay, tmp_path: Path) -> 
 
     at.provision("site=coastal", "--yes", code=0)
     after = at.provision("report", "drift", "site=coastal", code=0).stdout
-    assert "coastal-router: as declared; 1 foreign row left alone as before" in after
+    assert "coastal-router: as in the inventory; 1 foreign row left unchanged" in after
     assert "printer" in after
     types(at, "/ip/dns/static/set", "=.id=printer", "=address=10.64.1.78")
     assert (
-        "1 difference from the declaration: 1 foreign" in at.provision("report", "drift", "site=coastal", code=6).stdout
+        "1 difference from the inventory: 1 foreign" in at.provision("report", "drift", "site=coastal", code=6).stdout
     )
 
 
@@ -118,14 +118,14 @@ def test_newer_inventory_is_distinguished_from_a_changed_device(at: Quay) -> Non
     text = site.read_text(encoding="utf-8")
     site.write_text(text.replace("last: 10.64.1.199", "last: 10.64.1.180"), encoding="utf-8")
     told = masked(at.provision("report", "drift", "site=coastal", code=6).stdout)
-    assert "ranges: declared 10.64.1.100-10.64.1.180, found 10.64.1.100-10.64.1.199" in told
-    assert "declared (atlantis: LAN); already so in run RUN: the declaration is newer" in told
-    assert "the device remembers" not in told
+    assert "ranges: inventory 10.64.1.100-10.64.1.180, device 10.64.1.100-10.64.1.199" in told
+    assert "declared (atlantis: LAN); unchanged in run RUN: the inventory is newer" in told
+    assert "history of the device:" not in told
 
 
 def test_start_of_drift_is_unknown_without_a_confirmed_run(at: Quay) -> None:
     told = at.provision("report", "drift", "device=coastal-router", code=6).stdout
-    assert "since when is unknown: no run has confirmed a state of this device" in told
+    assert "unknown since when: no run has confirmed a state of this device" in told
     assert told.count("unknown") == 1
     (device,) = at.json("report", "drift", "device=coastal-router", code=6)["devices"].values()
     assert {one["since"] for one in device["differences"]} == {"unknown"}
@@ -179,7 +179,7 @@ def test_ansible_in_check_mode_shows_the_same(at: Quay) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    for line in ("foreign  printer A 10.64.1.77", "servers: declared nothing, found 10.9.9.1"):
+    for line in ("foreign  printer A 10.64.1.77", "servers: inventory nothing, device 10.9.9.1"):
         assert line in shown
         assert line in done.stdout
     assert at.export().count("printer") == 1

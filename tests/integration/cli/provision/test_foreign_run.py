@@ -8,7 +8,7 @@ from quay import ROUTER, Quay, quay
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
-WORDS = "the plan removes 101 rows that carry no mark of ours: 101 from /ip firewall filter"
+WORDS = "the plan removes 101 rows that do not carry our mark: 101 from /ip firewall filter"
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def test_many_foreign_rows_are_removed_after_two_confirmations(at: Quay) -> None
     assert f"{ROUTER}: {WORDS}" in declined
     assert "Remove them? Type remove to go on" in declined
     assert "Change coastal-router now" not in declined
-    assert "not agreed, so nothing was changed" in declined
+    assert "not confirmed; nothing was changed" in declined
     assert left(at) == 101
     done = at.typed("site=coastal", answer="remove\nyes", code=0)
     assert "1 action on 101 rows applied and verified" in done
@@ -42,11 +42,11 @@ def test_non_interactive_removal_needs_the_advised_flag(at: Quay) -> None:
     assert "1 changes of 101 rows over" in planned
     assert f"note: {WORDS}" in " ".join(planned.split())
     refused = " ".join(at.provision("site=coastal", code=3).stderr.split())
-    assert "nobody is here to agree to this, so nothing was changed" in refused
-    assert "type the same with `--yes --remove-foreign`" in refused
+    assert "no terminal to confirm this; nothing was changed:" in refused
+    assert "then run the same command with `--yes --remove-foreign`" in refused
     told = at.json("site=coastal", "--yes", code=4)["devices"][ROUTER]
-    assert "refused, nothing was changed: nobody has agreed that it removes 101 rows" in told["message"]
-    assert "type the same with `--remove-foreign`" in told["hint"]
+    assert "refused, nothing was changed: nobody has confirmed that it removes 101 rows" in told["message"]
+    assert "run the same command with `--remove-foreign` (plain Ansible" in told["hint"]
     assert "`-e atlantis_remove_foreign=true`" in told["hint"]
     assert left(at) == 101
     assert at.playbook().returncode != 0

@@ -77,24 +77,24 @@ def test_router_without_certificate_gets_one_by_following_the_hints(technician: 
     refused = technician.type("site=coastal", code=4)
     lacking = technician.follow(refused, "type `provision vpn install device={}` first", code=3)
     onboard = (
-        "`provision vpn onboard device={}` where the authority is, else `provision vpn accept file=FILE` with what it "
-        "has handed out"
+        "run `provision vpn onboard device={}` on the computer of the authority; elsewhere `provision vpn accept "
+        "file=FILE` with the enrolment package"
     )
     nobody = technician.follow(lacking, onboard, code=3)
-    technician.follow(nobody, "`provision vpn init` makes one; `authority=DIR` names it")
+    technician.follow(nobody, "`provision vpn init` creates one; `authority=DIR` names it")
     handed = technician.follow(lacking, onboard, code=5)  # the server is not reached from here, and waits
     technician.follow(handed, "provision vpn install device={}")
     technician.type("site=coastal")
     assert "no changes needed" in technician.type("site=coastal")
     technician.type("vpn", "renew", f"name={ROUTER}", "key=ec", code=5)
     installed = technician.follow(handed, "provision vpn install device={}")
-    tried = "its key is of an elliptic curve, with which no RouterOS was tried: `provision vpn renew name={} key=rsa`"
+    tried = "its elliptic-curve key is untested with RouterOS: `provision vpn renew name={} key=rsa`"
     technician.follow(installed, tried, code=5)
     renewed = technician.follow(handed, "provision vpn install device={}")
     assert "elliptic" not in renewed
     lost = (
-        "rows that named the former interface (lists, routes) have lost it: type `provision site={site}` when this is "
-        "done"
+        "rows that named the former interface (lists, routes) no longer do: type `provision site={site}` when "
+        "this is done"
     )
     technician.follow(renewed, lost)
     assert "no changes needed" in technician.type("site=coastal")
@@ -118,8 +118,8 @@ def test_unprotected_router_leads_to_adoption(technician: Technician, monkeypatc
     technician.at.adopt()
     refused = technician.type("site=coastal", code=4)
     hint = (
-        "pin its SSH host key with `provision device adopt site=… device=…`, upgrade it to RouterOS 7.18, or say "
-        "--without-protection with somebody standing beside it"
+        "pin its SSH host key with `provision device adopt site=… device=…`, upgrade it to RouterOS 7.18, or add "
+        "--without-protection with somebody next to the device"
     )
     technician.follow(refused, hint, code=7)
     assert met == [ROUTER]
@@ -156,9 +156,8 @@ def test_router_that_lacks_a_feature_is_upgraded_and_gets_it(
     restore = ("device", "restore", f"device={ROUTER}", "run=latest", "--yes")
     refused = technician.type(*restore, code=4)
     hint = (
-        "put RouterOS {} or later on it: `provision device upgrade site=… device=… packages=FILE.npk`, where "
-        "FILE.npk is "
-        "MikroTik's package for {}"
+        "install RouterOS {} or later on it: `provision device upgrade site=… device=… packages=FILE.npk`, where "
+        "FILE.npk is MikroTik's package for {}"
     )
     words, *_ = advised(said(refused, hint))
     assert "put RouterOS 7.18 or later on it" in refused

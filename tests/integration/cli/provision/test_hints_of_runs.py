@@ -126,7 +126,7 @@ def test_resume_without_open_work_leads_to_a_new_run(at: Quay) -> None:
     typed = [sys.executable, "-c", READ, "recover", "resume", "site=coastal", f"inventory={at.inventory}"]
     done = subprocess.run(typed, env=at.environment(), capture_output=True, text=True, check=False)
     assert done.returncode == 7, done.stderr
-    assert "nothing is open on its devices, which are not as declared" in done.stderr
+    assert "nothing is open on its devices, which are not as in the inventory" in done.stderr
     (again,) = advised(done.stderr)
     assert again == ["site=coastal", f"inventory={at.inventory}"]
     assert "applied and verified" in follow(at, again)

@@ -88,7 +88,7 @@ def test_second_laptop_is_told_how_to_take_over_the_run(at: Quay) -> None:
     assert code == 4
     told = told["devices"][ROUTER]
     assert (told["status"], f"run {run} of " in told["message"]) == ("left-as-found", True)
-    assert "or has died there" in told["message"]
+    assert "or was interrupted there" in told["message"]
     assert re.search(r"the sign of a run that died goes by itself within (29|30)m", told["hint"])
     (command,) = advised(told["hint"])
     assert command == ["recover", "resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]

@@ -46,8 +46,8 @@ def provision(inventory: Path, state: Path, *typed: str, code: int) -> str:
     [
         (None, 0, "3 settings applied and verified; registered home (EXAMPLE-OPERATOR lte B3)", 3),
         ("at\n  serial: /dev/ttyUSB2\n", 0, "checked only; registered home (EXAMPLE-OPERATOR lte B3)", 0),
-        ("modemmanager\n", 7, "not looked at: there is no emulation for driver modemmanager", 0),
-        ("manual\n", 7, "not checked: only a person can look at this 4G unit", 0),
+        ("modemmanager\n", 7, "not checked: driver modemmanager has no emulator", 0),
+        ("manual\n", 7, "not checked: this 4G unit must be checked by hand", 0),
     ],
     ids=["rutos", "at", "modemmanager", "manual"],
 )
@@ -104,12 +104,12 @@ def test_unit_is_pinned_configured_and_then_unchanged(at: tuple[Path, RunningRut
     assert "nobody has agreed to pay" in provision(inventory, state, *ONLY, "--yes", "--json", code=4)
     pins = Store(state).pins
     for flag in ("plan", "--yes"):
-        assert "its certificate is not known here, so it was told no password" in typed(flag, code=4)["message"]
+        assert "its certificate is unknown here, so it was reported no password" in typed(flag, code=4)["message"]
     assert (pins.get(NAME), running.unit.export()) == (None, before)
     pins.change(NAME, running.ready["pin"])  # as `provision device trust` does
     for flag in ("plan", "--yes"):
         refused = typed(flag, code=4)
-        assert "its SSH host key is not known here, so it was told no password" in refused["message"]
+        assert "its SSH host key is unknown here, so it was reported no password" in refused["message"]
         assert refused["hint"].startswith("`provision device trust site=te4sea ")
     assert (pins.host_key(NAME), running.unit.export()) == (None, before)
     pins.change_host_key(NAME, running.ready["host_key"])
@@ -155,7 +155,7 @@ def test_plain_ansible_configures_the_unit_too(at: tuple[Path, RunningRutos], tm
         check=False,
     )
     assert refused.returncode != 0
-    assert "its certificate is not known here" in " ".join(refused.stdout.split())
+    assert "its certificate is unknown here" in " ".join(refused.stdout.split())
     file = inventory / "host_vars" / f"{NAME}.yml"
     known = f"    fingerprint: {running.ready['pin']}\n    host_key: {running.ready['host_key']}\n"
     declared = file.read_text("utf-8")
@@ -172,7 +172,7 @@ def test_plain_ansible_configures_the_unit_too(at: tuple[Path, RunningRutos], tm
         line = next(line for line in done.stdout.splitlines() if line.startswith(NAME) and "ok=" in line)
         assert recap in line
         assert "failed=0" in line
-        assert "not handled yet" not in done.stdout
+        assert "not supported yet" not in done.stdout
         if extra:
             assert "+ set network.mob1s1a1.apn='internet'" in done.stdout
             assert running.unit.shell.reloads == 0

@@ -18,7 +18,7 @@ from atlantis_netcfg.vpn.enrolment_package import open_package
 
 pytestmark = pytest.mark.slow
 WRITTEN = CHECKOUT / "tests" / "data" / "written-by-102db09" / "state.tar.gz"
-SIGN = "if nobody is missing in `provision vpn list`: `provision vpn sync --sign` signs it from now on"
+SIGN = "if `provision vpn list` shows every member, `provision vpn sync --sign` signs it from now on"
 PASSPHRASE = b"mackerel lantern orbit velvet"
 
 
@@ -130,7 +130,7 @@ def test_old_authority_can_be_listed_audited_and_used(older: Path, tmp_path: Pat
     typed(older, *revoke, passphrase=True, code=5)
     typed(older, "vpn", "renew", "name=coastal-gateway", "--no-push", *words, passphrase=True, code=0)
     members = json.loads(typed(older, "vpn", "list", words[0], "--json", code=0))["members"]
-    assert {row["name"] for row in members if row["standing"] == "revoked"} == {"udg-girona", "inesc-camera"}
+    assert {row["name"] for row in members if row["background"] == "revoked"} == {"udg-girona", "inesc-camera"}
     head = older / "vpn" / "authority" / "ledger.head"
     assert json.loads(head.read_text("utf-8"))["line"] > 0
     typed(older, "vpn", "audit", words[0], code=0)

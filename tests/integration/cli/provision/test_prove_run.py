@@ -45,7 +45,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 def test_prove_needs_cost_consent_and_leaves_nothing_behind(at: Quay) -> None:
     before = at.export()
     refused = at.provision("measure", "satellite", "site=coastal", "link=satellite", code=4)
-    assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in refused.stderr
+    assert "the cost was not accepted, so nothing was sent: over satellite of coastal" in refused.stderr
     told = at.json("measure", "satellite", "site=coastal", "--accept-cost", code=6)
     found = {row["target"]: (row["outcome"], row["verdict"]) for row in told["targets"]}
     assert found[STRANGER] == ("refused here", "PASS")
@@ -60,7 +60,7 @@ def test_prove_needs_cost_consent_and_leaves_nothing_behind(at: Quay) -> None:
     assert 0 < opened["bytes_counted"] < opened["budget_bytes"]
     assert opened["cost"]["payload_bytes"] == opened["bytes_counted"]
     dear = at.provision("measure", "satellite", "site=coastal", "via=4g", code=4)
-    assert "nobody has agreed to pay for this, so nothing was sent: over 4g" in dear.stderr
+    assert "the cost was not accepted, so nothing was sent: over 4g" in dear.stderr
     assert at.export().splitlines() == before.splitlines()
 
 
@@ -160,8 +160,7 @@ def test_link_proved_by_a_vpn_response_can_be_used(at: Quay, prove: Callable[...
     with vpn_server(identity) as port, beyond(at, ("127.0.0.1", port)) as there:
         refused = at.provision(*USE, code=4).stderr
         hint = (
-            "`provision measure satellite site={} link={} --try-all` tries the VPN over it, which counts for an "
-            "hour; or {}"
+            "`provision measure satellite site={} link={} --try-all` tests the VPN over it (valid for one hour); or {}"
         )
         (words,) = advised(said(refused, hint))
         assert tuple(words[:-1]) == PROVE[:-1]
@@ -176,7 +175,7 @@ def test_response_over_another_link_proves_nothing(at: Quay, prove: Callable[...
     identity = hold(at)
     with vpn_server(identity) as port, beyond(at, ("127.0.0.1", port), is_carried=False):
         told = {row["target"]: row for row in json.loads(prove(*PROVE, "--json"))["targets"]}
-        assert (told[VPN]["outcome"], told[VPN]["verdict"]) == ("not tried", "INCONCLUSIVE")
+        assert (told[VPN]["outcome"], told[VPN]["verdict"]) == ("not tested", "INCONCLUSIVE")
     assert "whether satellite works is not proved" in at.provision(*USE, code=4).stderr
 
 

@@ -78,7 +78,7 @@ def test_interactive_consent_applies_the_change_and_the_rollback(at: Quay) -> No
     before = at.export()
     said_no = at.typed("site=coastal", answer="no", code=4)
     assert "+ set name=coastal-router" in said_no
-    assert "not agreed, so nothing was changed" in said_no
+    assert "not confirmed; nothing was changed" in said_no
     assert at.export() == before
     assert " actions applied and verified" in at.typed("site=coastal", answer="yes", code=0)
     (run, *_) = at.runs()
@@ -128,7 +128,7 @@ def test_state_folder_deleted_during_a_run_is_an_error(at: Quay, kind: str) -> N
     assert running.returncode in {4, 6}, out + err
     assert "\nrecord " not in out
     assert "; not recorded" in out
-    assert "was deleted or replaced in mid-run" in out
+    assert "the folder of the run was deleted or replaced during the run" in out
     assert (at.export() == before) == (running.returncode == 4)
 
 
@@ -175,7 +175,7 @@ def test_plain_ansible_and_check_mode_agree_with_provision(at: Quay) -> None:
     assert "changed=1" in done.stdout
     again = _ansible(at)
     assert "changed=0" in again.stdout
-    assert "WARN: nobody has looked at the terminal coastal-sat" in " ".join((again.stdout + again.stderr).split())
+    assert "WARN: not checked at the terminal coastal-sat" in " ".join((again.stdout + again.stderr).split())
 
 
 def _ansible(at: Quay, *flags: str) -> subprocess.CompletedProcess[str]:

@@ -40,7 +40,7 @@ def test_a_rollback_is_planned_rehearsed_and_done(at: Quay) -> None:
     assert (told["rehearsed"], device["status"], device["second_pass"]) == (True, "changed", 0)
     assert set(device["bearers"]) == {"lan", "wifi-ptp", "4g", "satellite"}
     assert "- set name=coastal-router" in device["diff"]
-    assert device["not_rehearsed"][0] == f"what has changed on coastal-router since run {run} read it back"
+    assert device["not_rehearsed"][0] == f"changes on coastal-router since run {run} verified it"
     assert untouched(at) == left
 
     at.provision("recover", "rollback", "site=coastal", "run=latest", "--yes", code=0)
@@ -66,8 +66,8 @@ def test_rehearsed_rollback_reports_its_starting_state(at: Quay) -> None:
     lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
     journal.write_text("".join(line for line in lines if "state-confirmed" not in line), encoding="utf-8")
     said = at.provision("recover", "rollback", "site=coastal", "run=latest", "--rehearse", "--verbose", code=0).stdout
-    assert "coastal-router: no run has read it back: first brought to what is declared" in said
-    assert "not rehearsed: what coastal-router is now: what is declared stands for it" in said
+    assert "coastal-router: never verified by a run: the inventory is applied first" in said
+    assert "not rehearsed: current state of coastal-router: the inventory is used instead" in said
 
 
 def test_rehearsal_detects_a_rollback_that_the_device_would_refuse(at: Quay) -> None:
@@ -100,7 +100,7 @@ def test_rehearsal_needs_an_intact_starting_state(at: Quay) -> None:
 
 def test_rollback_to_latest_needs_a_run_with_a_saved_state(at: Quay) -> None:
     refused = at.provision("recover", "rollback", "site=coastal", "run=latest", "--plan", code=7).stderr
-    assert "no run of coastal has saved a state of coastal-router" in refused
+    assert "no run of coastal has a saved state of coastal-router" in refused
     (listing,) = advised(refused)
     assert "provision site=NAME" in at.start(listing).stderr
     at.configure()
@@ -155,12 +155,12 @@ def test_resumed_run_is_planned_rehearsed_and_done(at: Quay) -> None:
 
     assert at.json("recover", "resume", "site=coastal", code=0)["devices"][ROUTER]["status"] == "changed"
     assert (
-        "no run of coastal is unfinished"
+        "coastal has no unfinished run"
         in at.provision("recover", "resume", "site=coastal", "--rehearse", code=7).stderr
     )
     # The bridge of the site is not at this quay: the devices are looked at, and some are not reached.
     said = at.provision("recover", "resume", "site=coastal", "--plan", code=4).stdout
-    assert said.startswith("no run of coastal is unfinished; looking on its devices\n  coastal-router     no changes")
+    assert said.startswith("coastal has no unfinished run; checking its devices\n  coastal-router     no changes")
 
 
 def test_resumed_rollback_is_rehearsed_towards_the_saved_state(at: Quay) -> None:
@@ -168,8 +168,8 @@ def test_resumed_rollback_is_rehearsed_towards_the_saved_state(at: Quay) -> None
     (row,) = at.runs()
     killed(at, ["recover", "rollback", "site=coastal", f"run={row['run']}"], run=1)
     said = at.provision("recover", "resume", "site=coastal", "--rehearse", code=0).stdout
-    assert f"it goes on towards the saved state of run {row['run']}" in said
-    assert f"coastal-router: first brought to the state before run {at.runs()[-1]['run']}" in said
+    assert f"it continues towards the saved state of run {row['run']}" in said
+    assert f"coastal-router: starts from the state before run {at.runs()[-1]['run']}" in said
     device = at.json("recover", "resume", "site=coastal", "--rehearse", code=0)["devices"][ROUTER]
     assert "+ set name=MikroTik" in device["diff"]
     assert at.runs()[-1]["unfinished"] is True

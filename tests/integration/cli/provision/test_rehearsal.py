@@ -83,8 +83,8 @@ def test_computer_without_an_emulator_is_reported_as_not_rehearsed(host: str, tm
 
 def test_terminal_alone_gets_a_warning_only(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=coastal", "device=coastal-sat", "--rehearse", code=0)
-    assert "WARN: nobody has looked at the terminal coastal-sat" in done.stdout
-    assert "not handled" not in done.stdout
+    assert "WARN: not checked at the terminal coastal-sat" in done.stdout
+    assert "not supported yet" not in done.stdout
 
 
 def test_example_values_are_for_rehearsals_only(tmp_path: Path) -> None:

@@ -59,7 +59,10 @@ def test_replacement_gets_the_state_of_the_lost_router(at: Quay) -> None:
         == 0
     )
     assert of_any_box(at.export()) == lost
-    assert "as declared; 1 foreign row left alone" in at.provision("report", "drift", "site=coastal", code=0).stdout
+    assert (
+        "as in the inventory; 1 foreign row left alone"
+        in at.provision("report", "drift", "site=coastal", code=0).stdout
+    )
     assert at.json("plan", "site=coastal", code=0)["devices"][ROUTER]["planned"] == 0
 
 
@@ -85,7 +88,7 @@ def test_device_with_too_few_ports_is_refused_with_all_missing_ports(at: Quay) -
     done = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=4)
     message = done["devices"][ROUTER]["message"]
     for port in ("ether6", "ether7", "ether8"):
-        assert f"there is no {port} in /interface ethernet" in message
+        assert f"no such playbook: {port} in /interface ethernet" in message
     assert at.export() == before
     assert at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--plan", code=4)
     assert at.export() == before
@@ -111,7 +114,7 @@ def test_restore_needs_consent(at: Quay) -> None:
     at.replace("spare")
     at.adopt()
     fresh = at.export()
-    assert "not agreed, so nothing was changed" in at.typed(
+    assert "not confirmed; nothing was changed" in at.typed(
         "device", "restore", f"device={ROUTER}", "run=latest", answer="no", code=4
     )
     assert at.export() == fresh
@@ -141,7 +144,7 @@ def test_near_miss_names_get_a_suggestion(at: Quay) -> None:
     )
     near = at.provision("device", "restore", f"device={ROUTER}", f"run={first['run'][:-2]}", code=7).stderr
     assert f"run {first['run'][:-2]} has confirmed no state of coastal-router" in near
-    assert f"these have: {first['run']}, {second['run']}; or type `to=latest`" in near
+    assert f"runs with a state: {first['run']}, {second['run']}; or type `to=latest`" in near
     assert (
         "did you mean `to=latest`?"
         in at.provision("device", "restore", f"device={ROUTER}", "run=lastest", code=7).stderr
@@ -179,7 +182,7 @@ def test_a_killed_restore_is_resumed_towards_the_same_state(at: Quay) -> None:
     at.do("link", delay_s=0.0)
     assert at.runs()[-1]["unfinished"] is True
     said = at.provision("recover", "resume", "site=coastal", code=0).stdout
-    assert "it goes on towards the saved state of run" in said
+    assert "it continues towards the saved state of run" in said
     assert of_any_box(at.export()) == lost
     assert (
         at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=0)["devices"][ROUTER]["planned"]

@@ -36,7 +36,7 @@ def test_plan_is_refused_when_the_device_has_changed(at: Quay, plan: Path) -> No
     at.do("console", words=["/system/identity/set", "=name=somebody-was-here"])
     before = at.export()
     done = at.provision("plan", "apply", str(plan), "--yes", code=4)
-    assert f"what would be done on {ROUTER} is no longer what the saved plan says" in done.stderr
+    assert f"nothing was changed: {ROUTER} changed since the plan was saved" in done.stderr
     assert at.export() == before
     (again,) = advised(done.stderr)
     at.provision(*again, code=2)
@@ -63,7 +63,7 @@ def test_plan_is_refused_when_the_inventory_has_changed(at: Quay, plan: Path) ->
     file = at.inventory / "group_vars" / "all" / "pilot.yml"
     file.write_text(file.read_text() + "\n# a word\n")
     done = at.provision("plan", "apply", str(plan), "--yes", code=3)
-    assert "the declaration has changed since the plan" in done.stderr
+    assert "the inventory has changed since the plan" in done.stderr
     (again,) = advised(done.stderr)
     assert at.export() == before
     at.provision(*again, code=2)
@@ -74,7 +74,7 @@ def test_without_consent_nothing_is_changed(at: Quay, plan: Path) -> None:
     before = at.export()
     assert "--yes" in at.provision("plan", "apply", str(plan), code=3).stderr
     assert at.export() == before
-    assert "not agreed, so nothing was changed" in at.typed("plan", "apply", str(plan), answer="no", code=4)
+    assert "not confirmed; nothing was changed" in at.typed("plan", "apply", str(plan), answer="no", code=4)
     assert at.export() == before
     assert "[OK] DONE" in at.typed("plan", "apply", str(plan), answer="yes", code=0)
 
@@ -88,7 +88,7 @@ def test_file_that_is_no_plan_is_refused_and_not_overwritten(at: Quay, tmp_path:
     file.write_text(text, encoding="latin-1")
     assert "is not a saved plan" in at.provision("plan", "apply", str(file), code=3).stderr
     done = at.provision("plan", "site=coastal", "--save", str(file), code=3)
-    assert "it is not a saved plan" in done.stderr
+    assert "`: the file exists and is not a saved plan" in done.stderr
     assert file.read_text(encoding="latin-1") == text
 
 
@@ -124,7 +124,7 @@ def test_plan_options_require_plan(at: Quay, tmp_path: Path) -> None:
     assert "add `--plan`" in at.provision("site=coastal", "--save", str(tmp_path / "x"), "--yes", code=3).stderr
     assert "add `--plan`" in at.provision("site=coastal", "--summary", "--yes", code=3).stderr
     done = at.provision("plan", "site=coastal", "--save", str(tmp_path / "no" / "x"), code=3)
-    assert "there is no folder" in done.stderr
+    assert "there is not a folder" in done.stderr
     assert at.export() == before
 
 
@@ -153,6 +153,6 @@ def test_rehearsed_plan_is_applied_only_in_a_rehearsal(at: Quay, tmp_path: Path)
     file, before = tmp_path / "x", at.export()
     at.provision("plan", "site=coastal", "--rehearse", "--save", str(file), code=2)
     done = at.provision("plan", "apply", str(file), code=0)
-    assert "[OK] REHEARSED: emulated devices were changed as declared, and read back" in done.stdout
+    assert "[OK] REHEARSED: emulated devices were changed to match the inventory, and read back" in done.stdout
     assert "next      provision check site=coastal" in done.stdout
     assert at.export() == before

@@ -73,7 +73,7 @@ def test_signal_rolls_the_device_back(at: Quay, number: signal.Signals) -> None:
         await_record(at.state, SENT)
         process.send_signal(number)
         text = ended(at, process, 4)
-    assert "taken back, the device is as before" in text
+    assert "rolled back, the device is as before" in text
     assert f"STOPPED by {'Ctrl-C' if number == signal.SIGINT else number.name}" in text
     assert at.export().splitlines() == before.splitlines()
     assert [row["unfinished"] for row in at.runs()] == [False]
@@ -95,7 +95,7 @@ def test_second_ctrl_c_reports_an_unknown_outcome(at: Quay) -> None:
         time.sleep(0.05)  # two signals at once are one
         process.send_signal(signal.SIGINT)
         text = ended(at, process, 5)
-    assert "the outcome is not known: stopped by SIGINT" in text
+    assert "the outcome is unknown: interrupted by SIGINT" in text
     (command,) = advised(text)
     goes_on(at, command)
 
@@ -107,7 +107,7 @@ def test_killed_task_is_reported_with_an_unknown_outcome(at: Quay) -> None:
         os.kill(task, signal.SIGKILL)
         text = ended(at, process, 5)
     assert f"{ROUTER} " in text
-    assert "the outcome is not known: the process that worked on it was killed" in text
+    assert "the outcome is unknown: the process working on it was killed" in text
     (command,) = advised(text)
     goes_on(at, command)
 
@@ -119,7 +119,7 @@ def test_a_task_that_dies_before_the_first_change_has_changed_nothing(at: Quay) 
         (task,) = children(process.pid)
         os.kill(task, signal.SIGKILL)
         text = ended(at, process, 4)
-    assert "nothing was changed: the process that worked on it was killed" in text
+    assert "nothing was changed: the process working on it was killed" in text
     assert at.export().splitlines() == before.splitlines()
     assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "changed"
 

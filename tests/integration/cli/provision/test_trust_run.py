@@ -16,7 +16,7 @@ from atlantis_netcfg.runs import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
-UNKNOWN = "its certificate is not known here, so it was told no password"
+UNKNOWN = "its certificate is unknown here, so it was reported no password"
 OPENING: dict[str, tuple[str, ...]] = {
     "plan": ("plan", "site=coastal"),
     "change": ("site=coastal", "--yes"),
@@ -65,7 +65,7 @@ def test_no_password_is_sent_to_an_unknown_device(
         told = done.stdout + done.stderr
         assert "the certificate is not the one of this device" in told if known else UNKNOWN in told
         assert "provision device trust site=coastal" in told or name == "check"
-    assert nobody.handshakes >= 2, "it was contacted, and told nothing all the same"
+    assert nobody.handshakes >= 2, "it was contacted, and reported nothing all the same"
     assert bytes(nobody.heard) == b""
     assert trusted(at) == (at.twins.ready[ROUTER]["pin"] if known else None)
 
@@ -87,7 +87,7 @@ def test_certificate_is_shown_and_pinned_after_consent(at: Quay) -> None:
     assert "/certificate print detail" in said
     assert f"fingerprint: {shown}" in said
     assert trusted(at) == shown
-    assert "as agreed to before" in at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="", code=0)
+    assert "as accepted before" in at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="", code=0)
     at.provision("plan", "site=coastal", code=2)
 
 
@@ -101,7 +101,7 @@ def test_advised_command_pins_the_router(at: Quay) -> None:
 
 def test_trust_without_a_terminal_is_refused(at: Quay, nobody: Impostor) -> None:
     done = at.provision("device", "trust", "site=coastal", f"device={ROUTER}", code=3)
-    assert "nobody is here to agree to an identity, so nothing was trusted" in done.stderr
+    assert "no terminal to confirm an identity: nothing was trusted" in done.stderr
     assert (nobody.handshakes, trusted(at)) == (0, None)
 
 
@@ -109,7 +109,7 @@ def test_changed_certificate_is_shown_beside_the_pinned_one(at: Quay, nobody: Im
     at.adopt()
     before = at.twins.ready[ROUTER]["pin"]
     said = at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="no", code=4)
-    assert f"its certificate is {nobody.fingerprint}; agreed to before was {before}" in said
+    assert f"its certificate is {nobody.fingerprint}; accepted before: {before}" in said
     assert (trusted(at), bytes(nobody.heard)) == (before, b"")
 
 
@@ -130,7 +130,7 @@ def test_inventory_fingerprint_is_accepted_without_a_local_pin(at: Quay) -> None
     at.provision("plan", "site=coastal", code=2)
     assert at.playbook("--check").returncode == 0
     assert trusted(at) is None
-    assert "as declared" in at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="", code=0)
+    assert "as in the inventory" in at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="", code=0)
 
 
 def test_inventory_fingerprint_overrides_the_local_pin(at: Quay, nobody: Impostor) -> None:
@@ -139,5 +139,5 @@ def test_inventory_fingerprint_overrides_the_local_pin(at: Quay, nobody: Imposto
     told = json.loads(at.provision("plan", "site=coastal", "--json", code=4).stdout)
     assert "the certificate is not the one of this device" in told["devices"][ROUTER]["message"]
     said = at.typed("device", "trust", "site=coastal", f"device={ROUTER}", answer="yes", code=4)
-    assert "and the inventory declares" in said
+    assert "but the inventory has" in said
     assert bytes(nobody.heard) == b""

@@ -76,7 +76,7 @@ def test_advised_commands_start_and_end_the_temporary_link(technician: Technicia
     """Every way out that is printed, in the situation in which it is printed."""
     refused = technician.type("links", "use", "site=coastal", "--yes", code=3)
     begin, end = advised(
-        said(refused, "type `provision links use site={} link=4g for=30m`, or `provision links use site={} end`")
+        said(refused, "run `provision links use site={} link=4g for=30m`, or `provision links use site={} end`")
     )
     nothing = technician.type(*end, "--yes", code=7)
     (look,) = advised(said(nothing, "`provision links site={}` shows which link carries the traffic"))
@@ -112,7 +112,7 @@ def test_unproved_link_is_used_only_with_unproved(technician: Technician) -> Non
 def test_use_is_refused_while_a_restarted_router_still_judges_its_links(technician: Technician) -> None:
     technician.at.do("restart")
     refused = technician.type(*LINK, code=4)
-    assert "is still judging its links" in refused
+    assert "s ago and is still checking its links" in refused
 
 
 def test_rollback_to_a_state_saved_meanwhile_does_not_reactivate_the_link(technician: Technician) -> None:

@@ -43,8 +43,8 @@ def test_rutos_unit_is_read_only(
     assert capsys.readouterr().out.startswith("te4sea-4g: emulated Teltonika unit, RutOS\n  8 assumptions; holds: 5, ")
     assert main(["device", "verify", "device=te4sea-4g", "--rehearse", "--try"]) == 3
     refused = capsys.readouterr().err
-    assert "te4sea-4g runs RutOS and is only read" in refused
-    assert "leave out `--try` and `--silence`" in refused
+    assert "te4sea-4g runs RutOS and can only be read" in refused
+    assert "remove `--try` and `--silence`" in refused
 
 
 def test_unsupported_or_unknown_device_is_refused(
@@ -52,7 +52,7 @@ def test_unsupported_or_unknown_device_is_refused(
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     assert main(["device", "verify", "device=coastal-gateway", "--rehearse"]) == 3
-    assert "coastal-gateway is a gateway, and no RouterOS device" in capsys.readouterr().err
+    assert "coastal-gateway is a gateway, not a RouterOS device" in capsys.readouterr().err
     assert main(["device", "verify", "device=coastal-ruter", "--rehearse"]) == 3
     assert "did you mean `device=coastal-router`?" in capsys.readouterr().err
 
@@ -66,7 +66,7 @@ at = pytest.fixture(fresh_quay)
 def test_router_is_verified_unchanged_and_result_is_saved(at: Quay) -> None:
     before = at.export()
     dear = at.provision("device", "verify", "device=coastal-router", "via=4g", code=4)
-    assert "nobody has agreed to pay for this, so nothing was sent: over 4g" in dear.stderr
+    assert "the cost was not accepted, so nothing was sent: over 4g" in dear.stderr
     read = at.json("device", "verify", "device=coastal-router", code=0)
     assert (read["tried"], read["rehearsed"]) == (False, False)
     tried = at.json("device", "verify", "device=coastal-router", "--try", code=0)
@@ -90,8 +90,8 @@ def test_router_without_safe_mode_is_only_read(at: Quay, version: str) -> None:
     before = at.export()
     refused = at.provision("device", "verify", "device=coastal-router", "--try", code=4)
     assert refused.stdout == ""
-    assert "nothing was tried: this device has no safe mode for the API" in refused.stderr
-    assert "it came with RouterOS 7.18; without `--try` the device is only read" in refused.stderr
+    assert "nothing was tried: this device has no safe mode over the API" in refused.stderr
+    assert "it exists since RouterOS 7.18; without `--try` the device is only read" in refused.stderr
     assert "Traceback" not in refused.stderr
     assert not (at.state / "verify").exists()
     told = at.json("device", "verify", "device=coastal-router", "--try", code=4)

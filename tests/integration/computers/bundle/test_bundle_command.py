@@ -130,7 +130,7 @@ def test_bundle_is_made_checked_and_accepted_on_another_computer(
     words = words_for(mirror, tmp_path)
     done = provision(*words, f"to={tmp_path / 'usb'}")
     assert done.returncode == 0, done.stderr
-    assert "to fetch" in done.stdout.splitlines()[0]
+    assert "to download" in done.stdout.splitlines()[0]
     assert f"{HOST}: ubuntu focal arm64, " in done.stdout
     assert "fetching packages for coastal-gateway" in done.stderr
     checked = provision(f"check={tmp_path / 'usb'}", "--json").told()
@@ -165,13 +165,16 @@ def test_unavailable_package_lists_are_reported(mirror: str, tmp_path: Path, pro
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["status=/none"], "/none cannot be read: No such file or directory"),
-        (["image=/none"], "/none is no file"),
-        (["image=/none", "status=/none"], "`image=` and `status=` both say what is on the board"),
-        (["key=0"], "`key=` goes with `check=`"),
+        (["status=/none"], "cannot read /none: No such file or directory"),
+        (["image=/none"], "/none is not a file"),
+        (["image=/none", "status=/none"], "`image=` and `status=` cannot be used together"),
+        (["key=0"], "`key=` requires `check=`"),
         (
             ["device=coastal-router"],
-            "`coastal-router`: bundles are for gateways, control centres and operator stations, and none is selected",
+            (
+                "`coastal-router`: no gateway, control centre or operator station is selected, and bundles are only for "
+                "these"
+            ),
         ),
         (["check=/none"], "/none is no bundle, or not a whole one"),
     ],

@@ -66,7 +66,7 @@ def test_container_runs_from_the_pinned_archive_and_is_removed_cleanly(stand: St
     told = stand.run()
     assert (told["status"], told["exit"]) == ("changed", 0), told["message"]
     assert "EXAMPLE-word of two" not in (stand.folder / "said").read_text()
-    assert stand.run()["changes"] == [], "nothing is left"
+    assert stand.run()["changes"] == [], "no item of the checklist is left"
 
     process = inside(gateway)
     group = gateway.run(f"cat /proc/{process}/cgroup").stdout
@@ -101,7 +101,7 @@ def test_container_archive_with_another_hash_is_not_loaded(stand: Stand) -> None
     declare(stand, sha256)
     told = stand.run()
     assert told["exit"] == 6, told["message"]
-    assert "the service `backend` does not run from the declared image" in told["message"]
+    assert "the service `backend` does not run from the image of the inventory" in told["message"]
     assert any("is not the declared archive: its SHA-256 is another one" in note for note in told["notes"])
     assert gateway.run("podman images --quiet").stdout.strip() == ""
     gateway.put_bytes(f"{IMAGES}/{sha256}.tar", image)
@@ -122,8 +122,8 @@ def test_drift_of_image_and_folder_is_reported(stand: Stand) -> None:
     gateway.run(f"podman load --input {IMAGES}/{newer}.tar && podman tag example.org/stand-in:rehearsal {name}")
     told = stand.run()
     assert told["exit"] == 6
-    assert "the service `backend` does not run from the declared image" in told["message"]
-    assert "the service `backend` holds more than 2 MB in /var/lib/svc-backend" in told["message"]
+    assert "the service `backend` does not run from the image of the inventory" in told["message"]
+    assert "the service `backend` uses more than 2 MB in /var/lib/svc-backend" in told["message"]
     gateway.run("rm /var/lib/svc-backend/large")
     gateway.run(f"systemctl restart {UNIT}")
     assert stand.run()["exit"] == 0, "a start loads the declared image anew"

@@ -94,7 +94,7 @@ def test_gateway_queries_share_one_ssh_connection(
         "held": Trouble.BUSY,
         "vehicle": Trouble.BUSY,
     }
-    assert found["held"].words.startswith(f"{CONSOLE} is held by ")
+    assert found["held"].words.startswith(f"{CONSOLE} is in use by ")
     assert found["dhcp"] == DhcpOffers(None)
 
     target = Target(host="127.0.0.1", port=gateway.port, known_hosts=known, identity=str(technician.file))
@@ -105,8 +105,7 @@ def test_gateway_queries_share_one_ssh_connection(
     changed = asked(ears, run("who", "id", "-u"))["who"]
     assert changed.trouble is Trouble.NO_PLACE
     assert changed.words == (
-        f"{NAME} was not reached: it shows another SSH host key than before, so nothing was told to it; "
-        f"only if it was set up anew: `ssh-keygen -R {NAME}`, then `provision device trust site=…` on a terminal "
-        "shows who "
-        "answers, and asks you"
+        f"{NAME} is unreachable: it shows a different SSH host key than before, so nothing was sent to it; only "
+        f"if it was reinstalled: run `ssh-keygen -R {NAME}`, then run `provision device trust site=…` on a "
+        "terminal: it shows each device's identity and asks you to confirm it"
     )

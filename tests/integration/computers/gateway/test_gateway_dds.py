@@ -63,7 +63,7 @@ def test_dds_profiles_are_installed_changed_and_removed(stand: Stand) -> None:
     changed = stand.run()
     (note,) = changed["notes"]
     assert note.startswith("line 1 of /etc/environment sets ROS_LOCALHOST_ONLY=1: ROS 2 then sees nothing beyond")
-    assert note.endswith("take that line out, and log in anew")
+    assert note.endswith("; remove that line and log in again")
     assert {"file /etc/atlantis/ros.env", f"unit {READER} restarted"} <= {*changed["changes"]}
     assert {"ROS_DOMAIN_ID=7", "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp"} <= environment(stand, "service")
     assert stand.run()["changes"] == []

@@ -146,7 +146,7 @@ def test_interop_is_built_once_per_revision_and_runs_over_the_vpn(interop: Inter
     first = interop.key()
     assert built["changes"][:2] == [
         planned["changes"][0],
-        f"build {first} of library v1 and examples v1 taken into use",
+        f"build {first} of library v1 and examples v1 activated",
     ]
     assert built["changes"][2:] == [one for one in planned["changes"] if one in built["changes"]][1:]
     assert built["notes"] == ["example-robot was not started: tun0, the VPN's interface, has no address yet"]
@@ -185,7 +185,7 @@ def test_interop_is_built_once_per_revision_and_runs_over_the_vpn(interop: Inter
     interop.declare("v1", service=service)
     back = stand.run()
     assert back["changes"] == [
-        f"build {first} of library v1 and examples v1 taken into use",
+        f"build {first} of library v1 and examples v1 activated",
         f"unit {SERVICE} restarted",
     ]
     assert len(interop.git.requests) == asked
@@ -204,7 +204,7 @@ def test_interop_is_built_once_per_revision_and_runs_over_the_vpn(interop: Inter
     interop.git.token = "another"
     interop.declare("v3")
     refused = stand.run()
-    assert "does not accept the declared token" in refused["message"]
+    assert "does not accept the inventory's token for" in refused["message"]
     assert "/var/log/atlantis/build-" in refused["hint"]
     assert interop.key() == first
     assert seen_of_the_token(interop) == ""

@@ -35,7 +35,7 @@ def test_a_gateway_without_network_is_installed_from_a_bundle(quay: Quay) -> Non
 
     first, said = quay.run(install(PACKAGES))
     assert first == 0, said
-    assert told(said)["changes"][-1] == f"gateway bundle {manifest.id} put together"
+    assert told(said)["changes"][-1] == f"gateway bundle {manifest.id} assembled"
     versions = quay.gateway.run("dpkg-query -W -f '${Package} ${Version}\\n' mission-log mission-data").stdout
     assert versions == "mission-data 4.0\nmission-log 1:1.2-3\n"
     before = quay.gateway.traffic.up_bytes
@@ -92,7 +92,7 @@ def test_unprivileged_account_transfers_and_metered_link_needs_consent(quay: Qua
     quay.variables |= {"ansible_user": "odroid", "ansible_become": True, "computer_reached": {"metered": "4g"}}
     code, said = quay.run()
     assert code == 2
-    assert "of the bundle would go over 4g, which is paid by the byte" in said
+    assert "of the bundle would go over 4g, which is metered" in said
     quay.variables["atlantis_accept_cost"] = True
     code, said = quay.run(install(PACKAGES))
     assert code == 0, said

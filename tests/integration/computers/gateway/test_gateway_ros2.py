@@ -93,7 +93,7 @@ def test_wrong_system_expired_key_or_empty_archive_changes_nothing(ros: Ros, tmp
 
     ros.stand.gateway.put("/etc/os-release", UBUNTU.replace("focal", "jammy"))
     told = ros.stand.run()
-    assert "the computer runs ubuntu jammy; what is declared is made for ubuntu focal" in told["message"]
+    assert "the computer runs ubuntu jammy; the inventory is for ubuntu focal" in told["message"]
     assert told["changes"] == []
 
 

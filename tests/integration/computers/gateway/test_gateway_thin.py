@@ -81,8 +81,8 @@ def test_an_ordinary_account_becomes_root_by_sudo(
     stand.gateway.put(f"/home/{ACCOUNT}/.profile", "echo Welcome aboard\n")
     stand.variables |= {"ansible_user": ACCOUNT}
     refused = stand.run()
-    assert "may not be changed" in refused["message"]
-    assert "let the account use sudo" in refused["hint"]
+    assert "cannot change" in refused["message"]
+    assert "allow the account to use sudo" in refused["hint"]
 
     stand.gateway.put("/etc/sudoers.d/test", f"{ACCOUNT} ALL=(ALL) NOPASSWD: ALL\n", mode="0440")
     stand.variables |= {"ansible_become": True}
@@ -139,7 +139,7 @@ def test_full_disk_and_missing_python_are_reported(
     full = stand.run()
     assert "is full" in full["message"]
     assert "kB are free" in full["message"]
-    assert "make room" in full["hint"]
+    assert "free disk space" in full["hint"]
     assert tools(stand) == []
     stand.gateway.free_disk()
 

@@ -20,7 +20,7 @@ SAMPLED = pytest.mark.parametrize(
     "by", ["netplan", *(pytest.param(by, marks=pytest.mark.campaign) for by in ("ifupdown", "networkd"))]
 )
 """Each of them waits out three roll-backs: a minute."""
-ROLLED_BACK = "the change of the network was rolled back, and everything is as before"
+ROLLED_BACK = "the network change was rolled back, and everything is as before:"
 
 
 def settled(stand: NetworkStand, by: str) -> dict[str, Any]:
@@ -89,7 +89,7 @@ def test_network_is_applied_and_survives_interruptions_and_power_cuts(network_st
         gateway.run("ifup --allow=hotplug eth0")  # udev does it on a board; a container has none
     wait_until(lambda: network_stand.network() == state)
     gateway.wait_until_up()
-    assert outcome(network_stand) == "the computer was started anew before a new session had confirmed it"
+    assert outcome(network_stand) == "the computer was restarted before a new session had confirmed it"
     unchanged(network_stand, by)
     assert gateway.run("systemctl list-units --failed --no-legend 'atlantis*'").stdout == ""
 
@@ -109,7 +109,7 @@ def test_change_that_cuts_access_is_rolled_back(network_stand: NetworkStand, by:
 
     code, said = network_stand.run(changed(by, "10.64.1.1", "10.64.1.99", 120))
     assert code == 2, said
-    assert f"{ROLLED_BACK}: nobody answers at the gateway's address 10.64.1.99 on eth0" in re.sub(r"\s+", " ", said)
+    assert f"{ROLLED_BACK}: the gateway address 10.64.1.99 does not respond on eth0" in re.sub(r"\s+", " ", said)
     assert network_stand.network() == before
     unchanged(network_stand, by)
 
@@ -121,7 +121,7 @@ def test_unreachable_address_is_reported_and_rolled_back(network_stand: NetworkS
     assert code == 2, said
     assert f"{ROLLED_BACK}: no new session reached 10.64.1.77 within 6 s" in re.sub(r"\s+", " ", said)
     assert "rolled_back: true" in said
-    assert "hint: correct `network` of the host or `lan` of its site, then type the same again" in said
+    assert "hint: correct `network` of the host or `lan` of its site, then run the same command again" in said
     assert network_stand.network() == before
 
 

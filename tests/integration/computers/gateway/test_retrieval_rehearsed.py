@@ -32,10 +32,10 @@ def test_rehearsed_retrieval_survives_an_outage(capsys: pytest.CaptureFixture[st
     assert main(["robot", "retrieve", "site=coastal", "--rehearse", "link=wifi-ptp"]) == 0
     printed = capsys.readouterr().out
     for words in (
-        f"no recordings are declared to be retrieved: this is an example, from {GATEWAY} to scc-control",
+        f"the inventory has no recordings to retrieve: this is an example, from {GATEWAY} to scc-control",
         "3 files: the same SHA-256 at both ends",
         "and the connection was lost",
-        "both folders were read by this computer: they are the same",
+        "this computer compared both folders: they are identical",
         "limit of this rehearsal (`--json` lists",
     ):
         assert words in printed

@@ -82,8 +82,8 @@ def test_card_is_written(desk: Desk) -> None:
     code, out, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 0, err
     assert f"USB, serial {SERIAL}" in out
-    assert "written and read back in" in out
-    assert "Not proved here: that the board boots from it" in out
+    assert "written and verified in" in out
+    assert "Not tested: booting the board from it. Its boot switch, if any, must be set to MMC." in out
     assert "writing 100 %" in err
     assert Ext4(desk.card.device, ROOT_AT).read("/etc/hostname") == b"coastal-gateway\n"
     keys = "\n".join(load(SHIPPED).hosts["coastal-gateway"].device.image.ssh_keys)  # type: ignore[union-attr] # a gateway
@@ -109,7 +109,7 @@ def test_image_only_touches_no_card(desk: Desk, tmp_path: Path) -> None:
     file = tmp_path / "spare.img"
     code, out, _ = desk.type("--image-only", str(file))
     assert code == 0
-    assert "no card was touched" in out
+    assert "no card was written" in out
     assert Ext4(file, ROOT_AT).read("/etc/hostname") == b"coastal-gateway\n"
     assert file.stat().st_blocks * 512 < file.stat().st_size
     again, _, err = desk.type("--image-only", str(file))
@@ -132,11 +132,11 @@ def test_example_values_make_an_image_and_no_card(desk: Desk, tmp_path: Path) ->
     ("more", "said"),
     [
         (["serial=another", "--yes"], "`another` is not the serial of sdb, and nothing was written"),
-        ([], "nobody is here to type the serial of the card, so nothing was written"),
-        ([f"serial={SERIAL}"], "nobody is here to agree to these changes"),
+        ([], "no terminal to type the serial of the card; nothing was written"),
+        ([f"serial={SERIAL}"], "no terminal to confirm these changes"),
         ([f"serial={SERIAL}", "--yes", "sha256=" + "0" * 64], "its SHA-256 is"),
-        ([f"serial={SERIAL}", "--yes", "--image-only", "x"], "both `to=` and `--image-only` are given"),
-        ([f"serial={SERIAL}", "--yes", "sha256=12"], "`12` is no SHA-256"),
+        ([f"serial={SERIAL}", "--yes", "--image-only", "x"], "`to=` and `--image-only` cannot be used together"),
+        ([f"serial={SERIAL}", "--yes", "sha256=12"], "`12` is not a SHA-256"),
     ],
 )
 def test_invalid_target_is_refused_and_nothing_is_written(desk: Desk, more: list[str], said: str) -> None:
@@ -193,7 +193,7 @@ class Keyboard(io.StringIO):
 @pytest.mark.parametrize(
     ("typed", "code", "said"),
     [
-        (f"{SERIAL}\n", 0, "written and read back in"),
+        (f"{SERIAL}\n", 0, "written and verified in"),
         ("yes\n", 3, "`yes` is not the serial of sdb, and nothing was written"),
         ("", 3, "`` is not the serial of sdb, and nothing was written"),
     ],
@@ -205,7 +205,7 @@ def test_serial_must_be_typed_to_confirm(
     monkeypatch.setattr("sys.stdin", Keyboard(typed))
     found, out, err = desk.type(f"to={desk.card.device}")
     assert (found, said in out + err) == (code, True)
-    assert f"All that is on it is lost. Type its serial ({SERIAL}) to go on: " in out
+    assert f"Everything on it will be erased. Type its serial ({SERIAL}) to continue: " in out
     assert desk.untouched is (code != 0)
 
 
@@ -216,7 +216,7 @@ def test_interrupt_before_writing_leaves_the_card_untouched(desk: Desk, monkeypa
     monkeypatch.setattr("atlantis_netcfg.operations.image.customise", stopped)
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 4
-    assert "no card was touched" in err
+    assert "no card was written" in err
     assert desk.untouched
     assert list(desk.state.parent.glob("atlantis-image-*")) == []
 
@@ -225,13 +225,13 @@ def test_card_for_an_unsupported_host_is_refused(desk: Desk) -> None:
     desk.words[2] = "device=coastal-router"
     code, _, err = desk.type("--image-only", "x")
     assert code == 3
-    assert "`coastal-router` is a router: cards are made for gateways, control centres and operator stations" in err
+    assert "`coastal-router` is a router; cards are only for gateways, control centres and operator stations" in err
 
 
 def test_missing_target_is_refused(desk: Desk) -> None:
     code, _, err = desk.type()
     assert code == 3
-    assert "where shall the image go?" in err
+    assert "no destination for the image" in err
 
 
 def test_failed_write_is_recorded(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,6 +243,6 @@ def test_failed_write_is_recorded(desk: Desk, monkeypatch: pytest.MonkeyPatch) -
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     monkeypatch.setattr("atlantis_netcfg.computers.image.writer.os.pwrite", real)
     assert code == 4
-    assert "the card was not finished" in err
+    assert "the card was not written completely:" in err
     (receipt,) = desk.receipts
     assert receipt["outcome"] == "failed"

@@ -129,9 +129,9 @@ def test_gpt_image_is_customised(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("at", "data", "said"),
     [
-        (510, b"\0\0", "holds no partition table"),
-        (ROOT_AT + 1080, b"\0\0", "its partition 2 holds no ext4"),
-        (BOOT_AT + 54, b"\0\0\0", "its partition 1 holds no FAT"),
+        (510, b"\0\0", "the image contains no partition table"),
+        (ROOT_AT + 1080, b"\0\0", "its partition 2 contains no ext4"),
+        (BOOT_AT + 54, b"\0\0\0", "its partition 1 contains no FAT"),
         (ROOT_AT + 4096, b"\xff" * 64, "is damaged"),
     ],
     ids=["table", "ext4", "fat", "file system"],
@@ -188,7 +188,9 @@ def test_symlink_in_place_of_a_file_or_folder_is_refused(tmp_path: Path, path: s
         aside.mkdir()
     (root / path[1:]).symlink_to(target)
     image = disk(tmp_path / "gw.img", root)
-    with pytest.raises(ImageError, match=f"{path} of the image is a symbolic link to {target}, and what lies behind"):
+    with pytest.raises(
+        ImageError, match=(f"{path} of the image is a symbolic link to {target}; files behind a link are not edited")
+    ):
         customise(image, N2, WISH)
     assert cat(image, "/etc/hostname") == "odroid\n"
 
@@ -250,7 +252,7 @@ def test_cloud_init_is_disabled(tmp_path: Path, by: str) -> None:
 def test_cloud_init_stays_disabled(tmp_path: Path) -> None:
     files = {**ROOT, "etc/cloud/cloud.cfg": "preserve_hostname: false\n"}
     image = disk(tmp_path / "gw.img", tree(tmp_path / "root", files))
-    assert "cloud-init of the image is switched off" in customise(image, N2, WISH)[0]
+    assert "cloud-init of the image is disabled" in customise(image, N2, WISH)[0]
     assert cat(image, "/etc/cloud/cloud-init.disabled") != ""
     note = tmp_path / "boot.ini"
     note.write_text("ODROIDN2-UBOOT-CONFIG\nsetenv bootargs cloud-init=enabled\n")

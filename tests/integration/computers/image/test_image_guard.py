@@ -66,8 +66,8 @@ CASES: dict[str, tuple[Callable[[Tree], object], str]] = {
     "nvme in a dock": (lambda tree: tree.disk(bus=DOCK), r"it is not removable: its bus is NVMe.*"),
     "loop": (lambda tree: tree.disk(bus=LOOP), r"it is not removable: its bus is no hardware.*"),
     "write-protected": (lambda tree: usual(tree).say(ro="1"), r"it is write-protected"),
-    "no card": (lambda tree: tree.disk(size=0), r"there is no card in the reader"),
-    "too small": (lambda tree: tree.disk(size=10**6), r"it has 999936 bytes, and the image needs 1000000000"),
+    "no card": (lambda tree: tree.disk(size=0), r"no such playbook: card in the reader"),
+    "too small": (lambda tree: tree.disk(size=10**6), r"it has 999936 bytes, but the image needs 1000000000"),
     "backup disk": (lambda tree: tree.disk(size=2 * 10**12), r"it has 2000 GB.*"),
     "partition": (_partition, r"sdb1 is a partition of sdb.*"),
 }

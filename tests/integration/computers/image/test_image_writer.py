@@ -154,7 +154,7 @@ def test_card_that_loses_data_is_detected(
 
     card = shown(tmp_path, used)
     monkeypatch.setattr(os, "pwrite", lossy)
-    with pytest.raises(CardWriteError, match="are not those that were written"):
+    with pytest.raises(CardWriteError, match="read back from it differ from those written"):
         put(image, card)
     monkeypatch.undo()
     assert used.device.read_bytes()[:MIB] == bytes(MIB)
@@ -193,7 +193,7 @@ def test_a_size_that_the_kernel_does_not_confirm_is_refused(tmp_path: Path, imag
 
 def test_a_card_that_is_too_small_is_refused(tmp_path: Path, image: Path) -> None:
     with loop(tmp_path / "small", 16 * MIB, OLD) as card:
-        with pytest.raises(BlockDeviceError, match=f"it has {16 * MIB} bytes, and the image needs {SIZE}"):
+        with pytest.raises(BlockDeviceError, match=f"it has {16 * MIB} bytes, but the image needs {SIZE}"):
             put(image, shown(tmp_path, card, 16 * MIB))
         assert card.device.read_bytes()[: len(OLD)] == OLD
 

@@ -122,7 +122,11 @@ CASES: dict[str, tuple[AutopilotSpec, str, list[str]]] = {
     "odd": (AutopilotSpec(odd_us=0), "heard", ["FAIL channels-odd"]),
     "absent": (AutopilotSpec(receiver_present=False), "heard", ["FAIL receiver-absent"]),
     "disabled": (AutopilotSpec(receiver_enabled=False), "heard", ["FAIL receiver-disabled"]),
-    "not healthy": (AutopilotSpec(receiver_healthy=False), "heard", ["FAIL receiver-unhealthy"]),
+    "reports the remote-control receiver as unhealthy": (
+        AutopilotSpec(receiver_healthy=False),
+        "heard",
+        ["FAIL receiver-unhealthy"],
+    ),
     "no status": (AutopilotSpec(status=False), "heard", ["WARN no-sys-status"]),
     "rssi unknown": (AutopilotSpec(rssi=255), "heard", ["WARN rssi-unknown"]),
     "rssi unsteady": (AutopilotSpec(rssi_swing=120), "heard", ["WARN rssi-unsteady"]),

@@ -121,8 +121,8 @@ def test_probe_traffic_is_within_the_budget_and_reported() -> None:
     (asked,) = [flow for flow in satellite.flows if flow.source is TrafficSource.CANARIES]
     assert 9_890_000 < 30 * asked.both <= 10_000_000
     assert (
-        f"each canary is asked every {PAUSE_S} s: 9.9 MB of the 10.0 MB a month that are declared for it; on a day on "
-        "which the link comes and goes, up to 1.3 MB"
+        f"each probe target is pinged every {PAUSE_S} s: 9.9 MB of its 10.0 MB a month in the inventory; on a day "
+        "when the link is unstable, up to 1.3 MB"
     ) in satellite.words
     watched = {row["name"]: row["interval"] for row in quay.rows("/tool/netwatch")}
     assert [watched[f"satellite-{canary}-watch"] for canary in CANARIES] == ["1m28s", "1m28s"]
@@ -141,7 +141,7 @@ def test_probe_budget_in_euro_equals_bytes_and_is_required(tmp_path: Path, budge
     if budget:
         assert load(root).sites["coastal"].bearers[0].probe_target_pause_s == PAUSE_S
         return
-    with pytest.raises(InventoryInvalid, match="pinging them would be billed day and night"):
+    with pytest.raises(InventoryInvalid, match="pinging them is billed day and night"):
         load(root)
 
 

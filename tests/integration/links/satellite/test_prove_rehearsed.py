@@ -33,7 +33,7 @@ def test_emulated_router_refuses_undeclared_targets(tmp_path: Path) -> None:
     found = {row["target"]: (row["outcome"], row["verdict"]) for row in told["targets"]}
     assert (told["exit"], told["rehearsed"], told["active"]) == (6, True, False)
     assert found[STRANGER] == ("refused here", "PASS")
-    assert found["203.0.113.2 udp 1194"] == ("not tried", "INCONCLUSIVE")
+    assert found["203.0.113.2 udp 1194"] == ("not tested", "INCONCLUSIVE")
     assert told["kept_off_packets"] == 3
     assert told["bytes_counted"] < told["budget_bytes"] == 20_000
     assert [finding["code"] for finding in told["findings"]] == ["terminal-not-looked-at"]
@@ -45,9 +45,9 @@ def test_emulated_router_refuses_undeclared_targets(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_filter_is_closed_again_after_it_was_opened(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=coastal", "--open-filter", "--rehearse", code=6)
-    assert f"({STRANGER}) is refused by the router, nothing was sent" in done.stdout
-    assert f"({STRANGER}) did not answer, but nothing else was reached" in done.stdout
-    assert "a real proof asks first: over satellite of coastal" in done.stdout
+    assert f"({STRANGER}) is refused by the router; nothing was sent" in done.stdout
+    assert f"({STRANGER}) did not respond, but nothing else was reached" in done.stdout
+    assert "a real test asks first: over satellite of coastal" in done.stdout
 
 
 @pytest.mark.slow
@@ -61,14 +61,14 @@ def test_probes_that_the_emulator_cannot_send_are_not_tried(tmp_path: Path) -> N
     typed = ("site=coastal", "--try-all", "--rehearse", f"inventory={inventory}", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
     found = {row["target"]: (row["outcome"], row["probe"]) for row in told["targets"]}
-    assert found["192.0.2.50 tcp 443"] == ("not tried", "tcp")  # an emulated router opens no TCP connection
-    assert found["192.0.2.123 udp 123"][0] == "not tried"
+    assert found["192.0.2.50 tcp 443"] == ("not tested", "tcp")  # an emulated router opens no TCP connection
+    assert found["192.0.2.123 udp 123"][0] == "not tested"
 
 
 @pytest.mark.slow
 def test_site_without_refused_targets_is_not_reported_as_proved(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=te4sea", "--rehearse", code=7)
-    assert "0 of 3 targets proved, 3 could not be tried" in done.stdout
+    assert "0 of 3 targets proved, 3 could not be tested" in done.stdout
 
 
 @pytest.mark.slow
@@ -96,9 +96,7 @@ def test_proved_satellite_can_be_used(tmp_path: Path) -> None:
     use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
     refused = provision(tmp_path, *use, code=4, command="links use").stderr
     assert "whether satellite works is not proved" in refused
-    hint = (
-        "`provision measure satellite site={} link={} --try-all` tries the VPN over it, which counts for an hour; or {}"
-    )
+    hint = "`provision measure satellite site={} link={} --try-all` tests the VPN over it (valid for one hour); or {}"
     (words,) = advised(said(refused, hint))
     assert "VPN server (203.0.113.2 udp 1194) was reached" in provision(tmp_path, *words[1:], code=6).stdout
     assert "satellite carries the traffic" in provision(tmp_path, *use, code=0, command="links use").stdout
@@ -115,7 +113,7 @@ def test_proof_applies_only_to_its_link_and_mode(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_hint_of_a_rehearsal_rehearses(tmp_path: Path) -> None:
     told = json.loads(provision(tmp_path, "site=coastal", "--rehearse", "--json", code=6).stdout)
-    hints = {row["hint"] for row in told["targets"] if row["outcome"] == "not tried"}
+    hints = {row["hint"] for row in told["targets"] if row["outcome"] == "not tested"}
     assert hints == {"`provision measure satellite site=coastal --try-all --rehearse` tries it"}
 
 

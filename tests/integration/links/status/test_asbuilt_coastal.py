@@ -169,5 +169,5 @@ def test_record_is_saved_compared_and_printed_with_labels(tmp_path: Path) -> Non
     assert kept.is_relative_to(tmp_path / "rehearsal" / "coastal" / "asbuilt")
     second = provision(tmp_path)
     assert second.returncode == 0, second.stderr
-    assert f"Of what was read, nothing is different from record {told['id']}." in second.stdout
-    assert second.stdout.splitlines()[-1] == "1 of 5 devices were read, 4 were left out"
+    assert f"No differences from record {told['id']} in what was read." in second.stdout
+    assert second.stdout.splitlines()[-1] == "1 of 5 devices were read, 4 were excluded"

@@ -152,14 +152,14 @@ def test_selected_devices_are_queried(coastal: Bench) -> None:
     assert report.exit is ExitCode.DONE
     radios = coastal.report(NEAR)
     assert set(radios.queried_devices) == {NEAR, FAR}
-    assert radios.as_text().endswith("is not known: the router was not read")
+    assert radios.as_text().endswith("is unknown: the router was not read")
 
 
 def test_selection_without_readable_devices_knows_nothing(coastal: Bench) -> None:
     report = coastal.report(TERMINAL)
     assert report.exit is ExitCode.NOTHING
     assert report.queried_devices == ()
-    assert report.as_text().endswith("Nobody was asked, so nothing is known of coastal")
+    assert report.as_text().endswith("No device was queried, so nothing is known about coastal")
 
 
 def test_bridge_is_lost_behind_its_radios_and_4g_is_active(coastal: Bench) -> None:

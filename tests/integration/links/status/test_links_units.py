@@ -111,7 +111,7 @@ def test_reading_over_a_metered_link_is_priced(te4sea: Bench) -> None:
     assert cost[0] == "satellite"
     assert 2_000 < cost[1]["payload_bytes"] < 30_000
     assert float(cost[1]["price"]) > 0
-    assert "a real look comes to, over satellite: " in te4sea.report().as_text()
+    assert "cost of a real run over satellite: " in te4sea.report().as_text()
     te4sea.request = te4sea.request.model_copy(update={"via": {"te4sea-router": "lan"}})
     assert te4sea.report().as_json()["costs"] == {}
 

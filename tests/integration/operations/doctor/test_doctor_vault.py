@@ -17,10 +17,10 @@ pytestmark = pytest.mark.slow
             None,
             ("--json",),
             "INCONCLUSIVE",
-            "secrets of the inventory are encrypted, and there is no password for them",
+            "secrets of the inventory are encrypted, and no such playbook: password for them",
         ),
         ("not this", ("--json", "--ask-vault-pass"), "FAIL", "this secret cannot be decrypted, nor "),
-        (_VAULT_PASSWORD.decode(), ("--json", "--ask-vault-pass"), "PASS", "the password opens all "),
+        (_VAULT_PASSWORD.decode(), ("--json", "--ask-vault-pass"), "PASS", "the password decrypts all "),
     ],
     ids=["missing", "wrong", "right"],
 )

@@ -38,7 +38,7 @@ def test_advised_command_sets_the_missing_address(at: LaptopStand) -> None:
         "section": "",
         "name": "router",
         "verdict": "SKIP",
-        "measured": "not contacted: the way to it is not right yet",
+        "measured": "not contacted: its route is not correct yet",
         "hint": "",
         "commands": [],
     }
@@ -46,7 +46,7 @@ def test_advised_command_sets_the_missing_address(at: LaptopStand) -> None:
     at.obey(found["address"])
     after = at.look()
     assert after["address"]["measured"] == "10.64.101.10/24 on eth0"
-    assert after["route"]["measured"] == "10.64.101.1 goes to eth0, from 10.64.101.10"
+    assert after["route"]["measured"] == "10.64.101.1 is routed to eth0, from 10.64.101.10"
     assert after["router"]["verdict"] == "WARN"
     assert after["router"]["commands"] == ["provision device trust site=coastal"]
 
@@ -57,7 +57,7 @@ def test_router_receives_one_handshake_and_no_data(at: LaptopStand) -> None:
     file = at.inventory / "host_vars" / "coastal-router.yml"
     file.write_text(file.read_text().replace("access: {", f"access: {{fingerprint: {digest}, "))
     found = at.look()
-    assert found["router"]["measured"] == "coastal-router answers, with the known certificate; nobody logged in"
+    assert found["router"]["measured"] == "coastal-router responds with the known certificate; no login was made"
     assert found["dates"]["verdict"] == "PASS"
     assert at.heard() == ["said b''"]
 
@@ -76,7 +76,7 @@ def test_no_device_is_contacted_over_a_metered_link(at: LaptopStand) -> None:
     at.serve("eth0")
     found = at.look("via=satellite")
     assert found["route"]["verdict"] == "PASS"
-    assert found["router"]["measured"] == "not contacted: satellite is paid by the byte"
+    assert found["router"]["measured"] == "not contacted: satellite is metered"
     assert at.heard() == []
 
 
@@ -90,7 +90,7 @@ def test_silent_router_fails(at: LaptopStand) -> None:
 def test_advised_command_enables_a_disabled_port(at: LaptopStand) -> None:
     at.cable("eth0", up=False)
     found = at.look()
-    assert found["port"]["measured"] == "eth0 is switched off"
+    assert found["port"]["measured"] == "eth0 is disabled"
     at.obey(found["port"])
     assert at.look()["port"]["verdict"] == "PASS"
 
@@ -100,7 +100,7 @@ def test_missing_cable_fails(at: LaptopStand) -> None:
     at.unplug("eth0")
     found = at.look()
     assert found["port"]["verdict"] == "FAIL"
-    assert found["port"]["measured"] == "eth0 is on and sees no cable (no carrier)"
+    assert found["port"]["measured"] == "eth0 is enabled but detects no cable (no carrier)"
     assert found["address"]["verdict"] == "PASS"
     assert found["router"]["verdict"] == "SKIP"
 
@@ -125,7 +125,7 @@ def test_advised_commands_fix_two_ports_in_one_network(at: LaptopStand) -> None:
     at.cable("wlan9", address="10.64.101.77/24")
     at.cable("eth0", address=MINE)
     found = at.look()
-    assert found["route"]["measured"] == "10.64.101.1 goes to wlan9, and not to eth0"
+    assert found["route"]["measured"] == "10.64.101.1 is routed to wlan9, not to eth0"
     assert found["other ports"]["verdict"] == "WARN"
     at.obey(found["route"])
     assert verdicts(at)["route"] == "PASS"
@@ -138,8 +138,8 @@ def test_advised_command_removes_a_narrower_route(at: LaptopStand) -> None:
     at.cable("tun9")
     at.ip("route", "add", "10.64.101.0/25", "dev", "tun9")
     found = at.look()
-    assert found["route"]["measured"] == "10.64.101.1 goes to tun9, and not to eth0"
-    assert found["other ports"]["measured"] == "10.64.101.0/25 goes to tun9: in the router's network too"
+    assert found["route"]["measured"] == "10.64.101.1 is routed to tun9, not to eth0"
+    assert found["other ports"]["measured"] == "10.64.101.0/25 is routed to tun9: also in the router's network"
     at.obey(found["other ports"])
     assert verdicts(at)["route"] == "PASS"
 

@@ -59,4 +59,4 @@ def test_plan_is_the_advised_next_step(at: Quay) -> None:
 def test_vault_passwords_are_checked_and_not_shown(at: Quay) -> None:
     done = at.provision("inventory", "doctor", "site=coastal", "via=wifi-ptp", code=6)
     assert "a-real-" not in done.stdout
-    assert items(at, 6)["vault"]["measured"].startswith("the password opens all ")
+    assert items(at, 6)["vault"]["measured"].startswith("the password decrypts all ")

@@ -112,5 +112,5 @@ def test_computer_with_another_host_key_receives_nothing(tmp_path: Path) -> None
 
 
 def test_source_that_is_no_gpsd_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="is no gpsd"):
+    with pytest.raises(UsageError, match="` is not a gpsd address"):
         heard(tmp_path, None, "somewhere else")

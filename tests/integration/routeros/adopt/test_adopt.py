@@ -70,7 +70,7 @@ def test_plan_changes_nothing(box: Carton) -> None:
     before = box.export()
     result = box.adoption().plan()
     assert result.exit is ExitCode.CHANGES
-    assert result.steps[1:3] == ("add user provision (group full)", "make certificate atlantis-api on the device")
+    assert result.steps[1:3] == ("add user provision (group full)", "create certificate atlantis-api on the device")
     assert box.export() == before
     store = Store(box.state, is_rehearsal=True)
     assert store.pins.host_key(ROUTER) is None
@@ -146,7 +146,7 @@ def test_another_host_key_is_refused(box: Carton) -> None:
         box.adopt()
     assert words(changed.value) == golden("changed-host-key")
     pins, info = Store(box.state, is_rehearsal=True).pins, box.site.do(ROUTER, "info")
-    with pytest.raises(ConsoleLoginError, match="so the password of provision was not tried"):
+    with pytest.raises(ConsoleLoginError, match="so the password of provision was not tested"):
         box.adopt(is_replacement=True)  # it is no box from the factory, and nobody has agreed to this key
     pins.change(ROUTER, info["pin"])  # as `provision device trust` does
     pins.change_host_key(ROUTER, info["host_key"])
@@ -161,7 +161,7 @@ def test_router_adopted_elsewhere_gets_no_password_before_it_is_pinned(box: Cart
     pins.change(ROUTER, None)
     pins.change_host_key(ROUTER, None)
     for looking in (box.adoption().plan, box.adopt):
-        with pytest.raises(ConsoleLoginError, match="so the password of provision was not tried") as refused:
+        with pytest.raises(ConsoleLoginError, match="so the password of provision was not tested") as refused:
             looking()
         assert "provision device trust" in str(refused.value.hint)
     assert (pins.get(ROUTER), pins.host_key(ROUTER)) == (None, None)
@@ -209,8 +209,8 @@ def test_router_is_adopted_over_its_serial_line(tmp_path: Path) -> None:
 
 def test_unverifiable_steps_over_the_serial_line_are_reported(tmp_path: Path, laptop: Laptop) -> None:
     hint = (
-        "not verified, because the laptop is on the serial line: that {} answers on {}; plug into {} with address {}, "
-        "and `provision site=…` verifies it"
+        "not verified, because the laptop is on the serial line: that {} responds on {}; plug into {} with "
+        "address {}, and `provision site=…` verifies it"
     )
     with carton(tmp_path / "box", serial=True) as box:
         adoption = box.adoption()

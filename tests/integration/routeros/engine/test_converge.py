@@ -193,7 +193,7 @@ def test_a_backup_is_saved_and_nothing_is_changed(tmp_path: Path) -> None:
 
     result, before, now = on(bench, act)
     assert result.status is Status.UNCHANGED
-    assert "secrets and users are not in" in result.message
+    assert "without secrets and users" in result.message
     saved = bench.store.runs("coastal")[0].before("router")
     assert saved is not None
     assert without_header(saved.text()) == before == now
@@ -228,7 +228,7 @@ def test_a_result_is_json(tmp_path: Path) -> None:
     assert data["status"] == "changed"
     assert data["planned"] == data["confirmed"] == result.planned_count
     assert set(data["bytes"]) == {"sent", "received"}
-    assert data["protection"] == "safe-mode"
+    assert data["protection"] == "safe mode and a scheduler job"
 
 
 def test_every_result_reports_an_unknown_newer_routeros(tmp_path: Path) -> None:
@@ -242,7 +242,7 @@ def test_every_result_reports_an_unknown_newer_routeros(tmp_path: Path) -> None:
     statuses = [Status.DRIFTED, Status.PLANNED, Status.CHANGED, *[Status.UNCHANGED] * 3]
     assert [result.status for result in results] == statuses
     for result in results:
-        told = [note for note in result.as_dict()["notes"] if "is newer than anything known here" in note]
+        told = [note for note in result.as_dict()["notes"] if "is newer than the newest known version," in note]
         assert len(told) == 1
         assert told[0].startswith(f"RouterOS 7.25 is newer than anything known here, which ends at {NEWEST_KNOWN}: ")
     for result in on(Bench(tmp_path / "known", spec={"version": str(NEWEST_KNOWN)}), act):

@@ -180,7 +180,7 @@ def test_read_only_user_makes_parsing_inconclusive(tmp_path: Path) -> None:
     users = (User(name="provision", password=PASSWORD, group="read"),)
     planned = on(Bench(tmp_path, spec={"users": users}), lambda bench: bench.converge(JobMode.PLAN))
     assert planned.status is Status.REFUSED
-    assert "our user may not" in planned.message
+    assert "our user lacks the permissions" in planned.message
     assert any("INCONCLUSIVE" in note and "not enough permissions" in note for note in planned.notes)
 
 
@@ -189,4 +189,4 @@ def test_a_parser_that_takes_everything_is_inconclusive(tmp_path: Path, monkeypa
     monkeypatch.setattr("atlantis_netcfg.emulator.routeros.console.run._code", lambda *_: "(evl /ip/pool/add)")
     result = on(Bench(tmp_path), lambda bench: bench.converge())
     assert result.status is Status.CHANGED
-    assert any("INCONCLUSIVE" in note and "words that are not known here" in note for note in result.notes)
+    assert any("INCONCLUSIVE" in note and "words that are unknown here" in note for note in result.notes)

@@ -32,9 +32,9 @@ def test_drift_costs_two_more_round_trips_only_if_there_is_any(tmp_path: Path) -
         return [same, await drift(bench), await drift(bench)]
 
     same, first, second = on(Bench(tmp_path), act)
-    assert (same.status, same.exit, same.message) == (Status.UNCHANGED, 0, "as declared")
+    assert (same.status, same.exit, same.message) == (Status.UNCHANGED, 0, "as in the inventory")
     assert (first.status, first.exit) == (Status.DRIFTED, 6)
-    assert first.message == "1 difference from the declaration: 1 changed"
+    assert first.message == "1 difference from the inventory: 1 changed"
     assert first.round_trips == second.round_trips == same.round_trips + 2 <= 7
     assert first.comparison == second.comparison is not None
     (changed,) = first.comparison.differences if first.comparison else ()
@@ -100,7 +100,7 @@ def test_incomparable_state_is_refused_with_a_reason(tmp_path: Path) -> None:
 
     result = on(Bench(tmp_path), act)
     assert (result.status, result.exit) == (Status.REFUSED, 4)
-    assert "there is no ether99" in result.message
+    assert "no such playbook: ether99" in result.message
 
 
 def test_drift_works_without_safe_mode(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_holder_of_safe_mode_is_reported(tmp_path: Path) -> None:
 
     result = on(Bench(tmp_path), act)
     assert result.status is Status.DRIFTED
-    assert any("holds safe mode" in note and "may yet be taken back" in note for note in result.notes)
+    assert any("holds safe mode" in note and "may yet be rolled back" in note for note in result.notes)
 
 
 def test_only_a_successful_run_saves_the_confirmed_state(tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ def test_unwritable_state_folder_is_reported_and_keeps_the_outcome(tmp_path: Pat
     bench = Bench(tmp_path)
     result = on(bench, act)
     assert result.status is Status.CHANGED
-    assert any("the confirmed state cannot be written" in note for note in result.notes)
+    assert any("the confirmed state is not writable" in note for note in result.notes)
     (run,) = bench.store.runs("coastal")
     assert run.outcomes["router"].status == "changed"
 
@@ -175,6 +175,6 @@ def test_internal_error_while_saving_the_state_keeps_the_outcome(
     bench = Bench(tmp_path)
     result = on(bench, lambda bench: bench.converge())
     assert (result.status, result.exit) == (Status.CHANGED, 0)
-    assert result.notes[-1].endswith("cannot be written: provision itself failed (ZeroDivisionError)")
+    assert result.notes[-1].endswith("cannot be written: provision failed with an internal error (ZeroDivisionError)")
     (run,) = bench.store.runs("coastal")
     assert run.outcomes["router"].status == "changed"

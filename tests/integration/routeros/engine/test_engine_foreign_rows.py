@@ -43,7 +43,7 @@ def test_hundred_foreign_rows_are_removed_without_consent(tmp_path: Path) -> Non
 
 
 def test_more_than_a_hundred_foreign_rows_need_consent(tmp_path: Path) -> None:
-    words = "removes 101 rows that carry no mark of ours: 101 from /ip firewall address-list"
+    words = "removes 101 rows that do not carry our mark: 101 from /ip firewall address-list"
 
     async def act(bench: Bench) -> tuple[list[DeviceResult], list[int]]:
         await bench.converge()
@@ -65,9 +65,9 @@ def test_more_than_a_hundred_foreign_rows_need_consent(tmp_path: Path) -> None:
     assert planned.notes[-1] == f"the plan {words}"
     assert planned.foreign_words == words
     assert (refused.status, refused.exit) == (Status.REFUSED, ExitCode.FAILED)
-    assert refused.message == f"refused, nothing was changed: nobody has agreed that it {words}"
+    assert refused.message == f"refused, nothing was changed: nobody has confirmed that it {words}"
     assert refused.hint is not None
-    assert "type the same with `--remove-foreign`" in refused.hint
+    assert "run the same command with `--remove-foreign` (plain Ansible" in refused.hint
     assert (done.status, done.rows, done.confirmed_count) == (Status.CHANGED, 101, 1)
     assert (again.status, again.rows, again.foreign_words) == (Status.UNCHANGED, 0, "")
 
@@ -164,7 +164,7 @@ def test_plan_over_the_satellite_reads_three_thousand_rows_partially(tmp_path: P
     assert planned.message == "1 action on 3000 rows planned"
     assert planned.foreign_words.startswith("removes 3000 rows that carry no mark of ours")
     assert planned.diff.count("\n- add address=198.18.11.") == 3
-    assert "- # 2997 rows more without our mark, of which only the number was read\n" in planned.diff
+    assert "- # 2997 more rows without our mark, of which only the number was read\n" in planned.diff
     assert refused.status is Status.REFUSED
     assert (done.status, done.rows, there) == (Status.CHANGED, 3000, 0)
 
@@ -238,7 +238,7 @@ def test_guard_reads_foreign_rows_fully_before_judging_access(tmp_path: Path) ->
 
     over_the_satellite, whole = on(Bench(tmp_path, text=OURS), act)
     assert (whole.status, whole.planned_count) == (Status.REFUSED, 1)
-    assert "would drop a new session of yours" in whole.message
+    assert "would drop your new sessions" in whole.message
     assert over_the_satellite.message == whole.message
 
 

@@ -71,7 +71,7 @@ def test_changes_outside_safe_mode_are_undone_by_us(tmp_path: Path, extra: str, 
 
     result, before, now = on(bench, act)
     assert result.status is Status.ROLLED_BACK
-    assert result.message.startswith("put back by us, the device is as before: ")
+    assert result.message.startswith("restored by us, the device is as before: ")
     assert now == before
 
 
@@ -94,7 +94,7 @@ def test_blocked_new_sessions_despite_the_guard_are_rolled_back(
     text = TEXT.replace("set telnet disabled=yes\n", "set telnet disabled=yes\nset api-ssl disabled=yes\n")
     result, before, now = on(Bench(tmp_path, text=text), tried)
     assert result.status is Status.ROLLED_BACK
-    assert "the device cannot be entered anew" in result.message
+    assert "cannot log in to the device again:" in result.message
     assert now == before
 
 
@@ -139,7 +139,7 @@ def test_safe_mode_unrolled_by_another_admin(tmp_path: Path, nth: int) -> None:
 
     result, before, now = on(bench, act)
     assert result.status is (Status.CHANGED if nth <= 3 else Status.ROLLED_BACK)
-    assert ("although: safe mode is not held any more" in result.message) == (nth == 3)
+    assert ("although: we no longer hold safe mode" in result.message) == (nth == 3)
     assert (now != before) == (result.status is Status.CHANGED)
 
 
@@ -163,7 +163,7 @@ def test_another_admin_takes_safe_mode_from_us(tmp_path: Path, nth: int, end: st
     undone = nth == 3 and end == "/safe-mode/unroll"
     assert len(ends) == 1
     assert result.status is (Status.ROLLED_BACK if undone else Status.CHANGED)
-    assert "api:provision@10.64.101.10 has taken safe mode from us" in result.message
+    assert "api:provision@10.64.101.10 has taken over safe mode from us" in result.message
     assert (now == before) == undone
 
 
@@ -186,14 +186,14 @@ def test_exhausted_history_ends_safe_mode_and_keeps_a_complete_change(tmp_path: 
     """The router left safe mode without a word: everything is permanent, and as it is all there, it may stay."""
     result, before, now = on(Bench(tmp_path, spec={"history_limit": 10}), tried)
     assert result.status is Status.CHANGED
-    assert "although: safe mode is not held any more in the middle of the change" in result.message
+    assert "although: safe mode was lost in the middle of the change" in result.message
     assert now != before
 
 
 def test_exhausted_history_before_a_refused_line_is_undone_by_us(tmp_path: Path) -> None:
     result, before, now = on(Bench(tmp_path, text=TEXT + LAST, spec={"history_limit": 10}), tried)
     assert result.status is Status.ROLLED_BACK
-    assert "put back by us" in result.message
+    assert "restored by us" in result.message
     assert now == before
 
 
@@ -313,7 +313,7 @@ class FullDisk(Journal):
 
     def write(self, record: Record) -> None:
         if self.left <= 0:
-            raise JournalError("the journal cannot be written: No space left on device")
+            raise JournalError("cannot add the journal: No space left on device")
         self.left -= 1
         super().write(record)
 
@@ -383,7 +383,7 @@ def test_stop_by_hand_leaves_the_device_as_before(tmp_path: Path, stage: Stage) 
     assert stopped == [True]
     touched = stage in (Stage.APPLYING, Stage.VERIFYING)
     assert result.status is (Status.ROLLED_BACK if touched else Status.LEFT_AS_FOUND)
-    assert "stopped by hand" in result.message
+    assert "interrupted by the user" in result.message
     assert now == before
 
 

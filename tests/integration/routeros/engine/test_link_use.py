@@ -267,7 +267,7 @@ def test_router_that_deviates_from_the_inventory_refuses_the_use(tmp_path: Path)
     async def act(bench: Bench) -> None:
         refused = await begin(bench, "4g")
         assert refused.status is Status.REFUSED
-        assert "there is no 0.0.0.0/0 via 198.51.100.21" in refused.message
+        assert "no such playbook: 0.0.0.0/0 via 198.51.100.21" in refused.message
 
     on(bench(tmp_path, "coastal-router"), act)
 

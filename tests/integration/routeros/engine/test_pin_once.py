@@ -66,13 +66,13 @@ def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path, version
         before = bench.export()
         first = await once(bench, allows_unprotected=True)
         assert first.status == "rolled-back"
-        assert "the SIM has refused the PIN, which is not tried again" in first.message
+        assert "the SIM refused the PIN, which is not tested again" in first.message
         assert (card(bench), tried(bench)) == ((2, 1), True)
         assert bench.export() == before
         for _ in range(2):
             again = await once(bench)
             assert again.status == "refused"
-            assert "and it was not seen that the SIM took it; it is not tried again" in again.message
+            assert "and it was not seen that the SIM took it; it is not tested again" in again.message
             assert str(TriedPin(bench.store.root, "coastal", "router").path) in again.message
         assert card(bench) == (2, 1)
         assert "99887766" not in first.message + again.message + first.diff
@@ -162,7 +162,7 @@ def test_pin_is_not_sent_if_the_attempt_cannot_be_recorded(tmp_path: Path) -> No
         path.parent.symlink_to("nowhere")  # in the way of its folder
         found = await once(bench)
         assert found.status == "left-as-found"
-        assert "it cannot be noted that a PIN is tried" in found.message
+        assert "cannot record the PIN attempt:" in found.message
         assert card(bench) == (3, 0)
 
     on(bench(tmp_path, "73951846"), act)
@@ -181,7 +181,7 @@ def test_pin_is_removed_if_the_modem_does_not_accept_it(tmp_path: Path, monkeypa
     async def act(bench: Bench) -> None:
         found = await converge(bench.job(journal=NoJournal(), patience=Patience(modem_s=30)))
         assert found.status == "rolled-back"
-        assert "the modem has not taken the PIN within 30 s" in found.message
+        assert "the modem did not accept the PIN within 30 s" in found.message
         assert heard == ["73951846"]
         assert "pin=73951846" not in bench.export()
 

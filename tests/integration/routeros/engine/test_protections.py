@@ -51,11 +51,13 @@ def converged(bench: Bench, protection: str, words: str, *, ssh: bool) -> None:
     assert first.as_dict()["protection_words"] == words
 
 
-NO_SSH = "no safe mode: RouterOS before 7.18 has it on a console only, and no SSH is declared for this device"
+NO_SSH = (
+    "no safe mode: RouterOS before 7.18 has safe mode on a console only, and the inventory has no SSH for this device"
+)
 
 
 def test_safe_mode_of_the_api_session(tmp_path: Path) -> None:
-    converged(Bench(tmp_path), "safe-mode", "safe mode of the API session", ssh=True)
+    converged(Bench(tmp_path), "safe mode and a scheduler job", "safe mode of the API session", ssh=True)
 
 
 @pytest.mark.parametrize("version", ["7.16", "7.17.1", "6.49.19"])
@@ -70,7 +72,9 @@ def test_safe_mode_of_a_console_needs_the_ssh_policy(tmp_path: Path, version: st
     bench = Bench(tmp_path, spec={"version": version, "seed": seed})
     result = on(bench, lambda bench: bench.converge(ssh=bench.ssh))
     assert result.status is status
-    assert ("our user may not ssh: its group needs these policies" in result.message) is (status is Status.REFUSED)
+    assert ("our user lacks the permissions ssh: its group needs these policies" in result.message) is (
+        status is Status.REFUSED
+    )
 
 
 def test_safe_mode_of_a_console_alone_in_device_mode_home(tmp_path: Path) -> None:
@@ -98,7 +102,7 @@ def test_unpinned_host_key_is_refused(tmp_path: Path) -> None:
 
     result = on(bench, act)
     assert (result.status, result.exit) == (Status.REFUSED, ExitCode.FAILED)
-    assert "and its SSH host key is not pinned" in result.message
+    assert "and the SSH host key is not pinned" in result.message
 
 
 def test_changed_host_key_changes_nothing(tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def test_unpinned_certificate_is_refused_without_a_login(tmp_path: Path) -> None
 
     result, logins = on(bench, act)
     assert (result.status, logins) == (Status.LEFT_AS_FOUND, 0)
-    assert "its certificate is not known here, so it was told no password" in result.message
+    assert "its certificate is unknown here, so it was reported no password" in result.message
     assert bench.store.pins.get("router") is None
 
 
@@ -114,7 +114,7 @@ def test_a_device_without_any_protection(tmp_path: Path) -> None:
         Status.REFUSED,
         "nothing would take this change back if it went wrong: no safe mode: RouterOS before 7.18 has it on a console",
         "no dead-man job: device-mode home forbids the scheduler",
-        "touches the way by which the device is managed",
+        "and touches the management path",
     )
     assert result.hint is not None
     assert "--without-protection" in result.hint
@@ -155,7 +155,7 @@ def test_device_mode_home_forbids_a_feature(tmp_path: Path) -> None:
 @pytest.mark.parametrize("group", ["read", "write"])
 def test_insufficient_policies_of_our_user_are_refused(tmp_path: Path, group: str) -> None:
     users = (User(name="provision", password=PASSWORD, group=group),)
-    refused(Bench(tmp_path, spec={"users": users}), Status.REFUSED, "our user may not", "policy")
+    refused(Bench(tmp_path, spec={"users": users}), Status.REFUSED, "our user lacks the permissions", "policy")
 
 
 def test_a_certificate_that_is_not_on_the_device(tmp_path: Path) -> None:
@@ -207,7 +207,7 @@ def test_a_full_disk_before_the_first_change(tmp_path: Path) -> None:
 
     result, before, now, safe_mode = on(bench, act)
     assert (result.status, result.exit) == (Status.LEFT_AS_FOUND, ExitCode.FAILED)
-    assert "the state before the run cannot be written" in result.message
+    assert "the state before the run is not writable" in result.message
     assert now == before
     assert "=enabled=false" in safe_mode
 

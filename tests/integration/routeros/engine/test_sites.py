@@ -89,7 +89,7 @@ def test_failed_run_restores_the_former_configuration(tmp_path: Path) -> None:
 
     result, before, now = on(bench(tmp_path, "coastal-router", reservations(300)), act)
     assert result.status is Status.ROLLED_BACK
-    assert "put back by us" in result.message
+    assert "restored by us" in result.message
     assert now == before
 
 

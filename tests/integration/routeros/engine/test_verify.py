@@ -71,7 +71,7 @@ def test_all_assumptions_hold(tmp_path: Path, version: str) -> None:
 def test_device_without_safe_mode_is_only_read(tmp_path: Path) -> None:
     async def act(bench: Bench) -> SeenAnswers:
         seen = await reading(bench)
-        with pytest.raises(DeviceError, match="no safe mode for the API"):
+        with pytest.raises(DeviceError, match="this device has no safe mode over the API"):
             await try_out(bench.job().endpoint)
         return seen
 
@@ -144,7 +144,7 @@ def test_a_silent_session_is_noticed(
 def test_holder_of_safe_mode_is_left_alone(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await bench.router.console(["/safe-mode/take"])
-        with pytest.raises(DeviceError, match="somebody holds safe mode"):
+        with pytest.raises(DeviceError, match="somebody else holds safe mode on this device"):
             await try_out(bench.job().endpoint)
         (row,) = [answer for answer in await bench.router.console(["/safe-mode/print"]) if answer.kind == "!re"]
         assert "=current=true" in row.words

@@ -110,7 +110,7 @@ def test_link_that_does_not_return_is_rolled_back(tmp_path: Path, family: str, n
     results, up, _ = on(PairBench(tmp_path, family=family, near_mode=near_mode, air=air), act)
     assert up or "association" in case or "long" in case
     assert [result.status for result in results] == [Status.ROLLED_BACK] * 2, [result.message for result in results]
-    assert all("the link was not back and proved within 270 s" in result.message for result in results)
+    assert all("the link was not back and verified within 270 s" in result.message for result in results)
 
 
 def test_far_end_without_scheduler_is_rolled_back_by_safe_mode(tmp_path: Path) -> None:
@@ -122,8 +122,8 @@ def test_far_end_without_scheduler_is_rolled_back_by_safe_mode(tmp_path: Path) -
     results, before, after = on(PairBench(tmp_path, air=Air(radar_mhz=(5520,)), far_spec=home), act)
     assert [result.status for result in results] == [Status.ROLLED_BACK] * 2, [result.message for result in results]
     assert after == before
-    assert any("needs about nine minutes to return by itself" in note for note in results[1].notes)
-    assert results[1].protection == "safe-mode"
+    assert any("needs about nine minutes to roll back by itself" in note for note in results[1].notes)
+    assert results[1].protection == "safe mode and a scheduler job"
 
 
 LEVELS: Mapping[str, tuple[Signal, Status]] = {
@@ -147,7 +147,10 @@ def test_signal_levels_are_verified_before_the_change_is_kept(tmp_path: Path, fa
     assert {result.status for result in results} == {expected}, [result.message for result in results]
     assert as_before == (expected is Status.ROLLED_BACK)
     assert expected is Status.CHANGED or "dBm, not between" in results[0].message
-    assert [result.protection for result in results] == ["safe-mode", "safe-mode and a job of the scheduler"]
+    assert [result.protection for result in results] == [
+        "safe mode and a scheduler job",
+        "safe mode and a scheduler job",
+    ]
 
 
 def test_unreachable_far_end_leaves_both_ends_unchanged(tmp_path: Path) -> None:
@@ -159,5 +162,5 @@ def test_unreachable_far_end_leaves_both_ends_unchanged(tmp_path: Path) -> None:
 
     results, before, after = on(PairBench(tmp_path), act)
     assert [result.status for result in results] == [Status.LEFT_AS_FOUND] * 2
-    assert "its other end far could not be looked at" in results[0].message
+    assert "cannot read its other end far" in results[0].message
     assert after == before

@@ -24,7 +24,7 @@ def test_an_end_without_safe_mode_has_a_hint(tmp_path: Path, old: str) -> None:
     assert as_before
     for result in results:
         assert result.status is Status.REFUSED
-        assert f"{old}: RouterOS 7.17.1 has no safe mode over the API, which 7.18 and later have" in result.message
+        assert f"{old}: RouterOS 7.17.1 has no safe mode over the API; 7.18 and later have it" in result.message
         if result.name == old:
             assert result.hint is not None
             assert (

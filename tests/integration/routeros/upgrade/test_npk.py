@@ -43,11 +43,14 @@ def test_version_6_bundle_is_read_as_routeros(tmp_path: Path) -> None:
 
 
 REFUSED: dict[str, tuple[Callable[[bytes], bytes], str]] = {
-    "cut short": (lambda data: data[:-1], "it says"),
+    "it is truncated": (lambda data: data[:-1], "it says"),
     "longer than it says": (lambda data: data + b"\0", "it says"),
     "another file": (lambda _data: b"PK\3\4" + bytes(100), "not a RouterOS package"),
     "empty": (lambda _data: b"", "not a RouterOS package"),
-    "a part beyond the end": (lambda data: data[:10] + struct.pack("<I", 2**31) + data[14:], "do not add up"),
+    "a part beyond the end": (
+        lambda data: data[:10] + struct.pack("<I", 2**31) + data[14:],
+        "the sizes of its parts do not match its size",
+    ),
     "no architecture": (lambda data: data.replace(struct.pack("<HI", 16, 5), struct.pack("<HI", 17, 5)), "without"),
 }
 
@@ -82,7 +85,7 @@ def test_file_name_that_contradicts_its_content_is_refused(tmp_path: Path, file:
 def test_malformed_package_file_name_is_refused(tmp_path: Path, file: str) -> None:
     path = tmp_path / file
     path.write_bytes(contents("routeros", "7.18.2", "arm64"))
-    with pytest.raises(NotAPackage, match="not the name of a package"):
+    with pytest.raises(NotAPackage, match="not a valid package name"):
         read_npk(path)
 
 

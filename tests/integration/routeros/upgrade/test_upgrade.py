@@ -127,7 +127,7 @@ def test_link_failure_during_upload_leaves_no_files(tmp_path: Path, fault: str) 
             back = run(replace(upgrading, notify=notify))
             assert str(back.software.version) == "7.21.5", "a gap that the session outlives is only a wait"
         else:
-            with pytest.raises(DeviceError, match="not copied whole"):
+            with pytest.raises(DeviceError, match="was not copied completely"):
                 run(replace(upgrading, notify=notify))
             seen, upgrade = asyncio.run(upgrading.look())
             assert not seen.files, "what had arrived was taken away"

@@ -26,8 +26,8 @@ def test_a_plan_shows_files_and_cost_and_changes_nothing(tmp_path: Path, provisi
     told = provision(f"packages={path}", f"packages={radio}", "via=satellite", "--plan", "--rehearse")
     assert told.returncode == 2, told.stderr
     assert "RouterOS 7.18.2 -> 7.21.5" in told.stdout
-    assert "2.0 MB over satellite, which is paid by the byte: about" in told.stdout
-    assert "over satellite of coastal, which is paid by the byte: about 2.4 MB, " in told.stdout
+    assert "2.0 MB over satellite, which is metered: about" in told.stdout
+    assert "over metered link satellite of coastal: about 2.4 MB, " in told.stdout
 
 
 def test_rehearsal_reports_the_version_read_back(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401

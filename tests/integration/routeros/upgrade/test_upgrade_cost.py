@@ -53,7 +53,7 @@ def test_files_beyond_the_cap_are_refused_even_if_cost_is_accepted(declaration: 
     accepted = request(tmp_path, "satellite", accept_cost=True)
     with pytest.raises(CostRefusal, match=r"no action may send more than 5\.0 MB there") as refused:
         beyond.affordable(accepted)
-    assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
+    assert "`cap_mb` of link `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
     with pytest.raises(CostRefusal, match=r"no action may send more than 5\.0 MB there"):
         beyond.carry_out(declaration, accepted)
     assert not (tmp_path / "state").exists()

@@ -133,32 +133,40 @@ def by_an_older_copy(at: Laptop, _server: Server) -> str:
 SITUATIONS: dict[str, tuple[Callable[[Laptop, Server], str], str, str]] = {
     "away": (
         away,
-        "look at its power and at your way to it; what is recorded waits, and `provision vpn sync` goes on",
+        "check its power and your connection to it; recorded changes are pending, and `provision vpn sync` continues",
         "",
     ),
     "away, and recorded": (
         away,
-        "all of it is recorded, and the server is brought to it by `provision vpn sync`",
+        "everything is recorded; to update the server: `provision vpn sync`",
         "iqua-laptop",
     ),
-    "lost": (lost, "what was asked for may have been done: `provision vpn sync` looks, and goes on", ""),
-    "changed by hand": (changed_by_hand, "`provision vpn sync` brings the server to what is recorded", "on the server"),
-    "revoked meanwhile": (revoked_meanwhile, "`provision vpn sync` when the server can be reached", "verified"),
+    "lost": (lost, "the request may have been completed: `provision vpn sync` checks and continues", ""),
+    "its file on the server differs from the record": (
+        changed_by_hand,
+        "`provision vpn sync` updates the server from the record",
+        "on the server",
+    ),
+    "revoked meanwhile": (revoked_meanwhile, "run `provision vpn sync` when the server is reachable", "verified"),
     "connected and put out": (connected_and_put_out, "`provision vpn sync` ends its session", "verified"),
-    "not dead": (not_dead, "`provision vpn sync` tries again, and looks", "verified"),
+    "not dead": (not_dead, "`provision vpn sync` tries again and checks", "verified"),
     "an older copy": (
         by_an_older_copy,
         (
-            "work with the newest copy of the authority: `authority=FOLDER` names it, with this one nothing was signed "
-            "or sent. If that copy is lost for good: `provision vpn sync --sign --take-list`"
+            "use the newest copy of the authority with `authority=FOLDER`; with this one nothing was signed or "
+            "sent. If that copy is lost: `provision vpn sync --sign --take-list`"
         ),
-        "taken over from the server's list: iqua-laptop",
+        "imported from the server's list: iqua-laptop",
     ),
-    "never set up": (never_set_up, "`provision site=…` does that; then type the same again", "as declared"),
+    "never set up": (
+        never_set_up,
+        "`provision site=…` does that; then run the same command again",
+        "as in the inventory",
+    ),
     "of another authority": (
         of_another_authority,
-        "the server was set up by another authority: `provision site=…` brings this one's",
-        "as declared",
+        "the server was set up by another authority: `provision site=…` installs this one",
+        "as in the inventory",
     ),
 }
 

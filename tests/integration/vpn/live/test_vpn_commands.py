@@ -100,7 +100,7 @@ def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) 
     found = desk.told("status")
     assert (told(found, "FAIL"), told(found, "INCONCLUSIVE")) == ("", "")
     assert [one["common_name"] for one in found["server"]["sessions"]] == [_MEMBER]
-    assert desk.told("show", f"name={_MEMBER}")["member"]["standing"] == "in use"
+    assert desk.told("show", f"name={_MEMBER}")["member"]["background"] == "in use"
 
     (renewed,) = desk.told("renew", f"name={_MEMBER}", SEALED[-1], passphrase=PASSPHRASE)["members"]
     assert (renewed["common_name"], server.names()) == (f"{_MEMBER}.2", [_MEMBER])
@@ -108,10 +108,10 @@ def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) 
     use(client, opened(renewed))
     assert "is retired" in told(desk.told("status"), "PASS")
     certificates = desk.told("show", f"name={_MEMBER}")["member"]["certificates"]
-    assert [one["standing"] for one in certificates] == ["superseded", "seen"]
+    assert [one["background"] for one in certificates] == ["superseded", "seen"]
 
     code, out, _ = desk.type("revoke", f"name={_MEMBER}", "reason=stolen", "--yes", passphrase=PASSPHRASE)
-    assert (code, "verified: no session, and nothing of theirs passes" in out) == (0, True), out
+    assert (code, "verified: no session, and none of their traffic passes" in out) == (0, True), out
     assert client.ended() == 0
     wait_until(lambda: server.names() == [], lambda: "there still is a session")
     assert desk.told("revoke", f"name={_MEMBER}", "--yes", passphrase=PASSPHRASE)["already"] == [_MEMBER]
@@ -139,8 +139,8 @@ def test_guest_connects_is_ended_and_leaves_no_trace(
     assert str(member.address) in server.run("nft", "list", "ruleset")
 
     out = typed(desk, "robot", "dismiss", "name=lauv", "--yes")
-    assert "verified: no session, and nothing of theirs passes" in out
-    assert "lauv: ended; it is not declared, has no good certificate, and no file of it is left here" in out
+    assert "verified: no session, and none of their traffic passes" in out
+    assert "lauv: ended; not in the inventory, no valid certificate, no file left here" in out
     assert client.ended() == 0
     refused = "certificate revoked"
     count = server.log().count(refused)
@@ -199,6 +199,6 @@ def test_manual_change_on_server_is_reported_and_fixed_only_by_sync(desk: Desk, 
     desk.told(*SEALED, passphrase=PASSPHRASE)
     server.put(f"/etc/openvpn/atlantis/ccd/{_MEMBER}", "ifconfig-push 10.80.17.9 255.255.0.0\n")
     for _ in range(2):
-        assert "changed by hand" in told(desk.told("status", code=6), "FAIL")
+        assert "its file on the server differs from the record" in told(desk.told("status", code=6), "FAIL")
     assert desk.told("sync")["changes"] != []
     assert told(desk.told("status"), "FAIL") == ""

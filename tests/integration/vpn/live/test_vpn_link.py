@@ -176,7 +176,7 @@ def test_link_over_ssh_works_and_reports_failures(
         (tmp_path / "known").write_text(
             f"{NAME} {asyncssh.generate_private_key('ssh-ed25519').export_public_key().decode()}"
         )
-        with SshLink(NAME, access) as link, pytest.raises(HostKeyMismatch, match="nothing was told"):
+        with SshLink(NAME, access) as link, pytest.raises(HostKeyMismatch, match="so nothing was sent to it"):
             asked(link)
     with SshLink(NAME, access) as link, pytest.raises(ServerAway, match=r"was not reached .*Connection refused"):
         asked(link)

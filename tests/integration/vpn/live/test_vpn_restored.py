@@ -81,7 +81,7 @@ class Pilot:
     def renew(self, *more: str) -> None:
         code, said = self.type("renew", f"name={self.third}", f"recipient={NOBODY}", *more)
         if more:
-            assert (code, "the server was not asked" in said) == (0, True), said
+            assert (code, "the server was not contacted (`--no-push`)" in said) == (0, True), said
         else:
             self.asked(code, said)
 
@@ -165,13 +165,13 @@ def test_server_refuses_what_an_older_copy_signs(pilot: Pilot) -> None:
     for names in ((pilot.other,), (pilot.third,)):
         evidence = server.revoke(*record.revoke(*names))
         assert (evidence.is_confirmed, evidence.out) == (False, False)
-        assert "list in place" not in [step for step, _ in evidence.steps]
+        assert "list installed" not in [step for step, _ in evidence.steps]
         refusals.append(" ".join(evidence.notes))
-        with pytest.raises(ServerRefusal, match="a revoked member would come back"):
+        with pytest.raises(ServerRefusal, match="a revoked member could connect again"):
             live.push(declaration(), record.authority, server.link)
         pilot.nobody_is_readmitted()
         assert not set(names) & pilot.admitted(), "who is revoked by an older copy is out all the same"
-    assert "as the server's, and is another one" in refusals[0]
+    assert "like the server's, but differs from it" in refusals[0]
     assert "lacks 1 of the certificates that are revoked on the server" in refusals[1]
     pilot.nobody_comes_back()
 
@@ -197,7 +197,7 @@ def test_permanently_lost_copy_is_rebuilt_from_the_server(pilot: Pilot) -> None:
     pilot.restore()
     assert OLDER in pilot.type("sync", "--sign")[1]
     code, said = pilot.type("sync", "--sign", "--take-list")
-    assert (code, f"taken over from the server's list: {pilot.lost}" in said) == (0, True), said
+    assert (code, f"imported from the server's list: {pilot.lost}" in said) == (0, True), said
     pilot.restored = False
     pilot.nobody_is_readmitted()
     assert pilot.desk.told("status")["exit"] == 0

@@ -22,8 +22,8 @@ from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT
 pytestmark = pytest.mark.namespace
 
 ORDER = [
-    *("list in place", "no longer admitted", "client told to stop", "firewall closed", "session dead"),
-    *("safe on the disk", "verified"),
+    *("list installed", "no longer admitted", "client reported to stop", "firewall closed", "session ended"),
+    *("written to disk", "verified"),
 ]
 
 
@@ -130,10 +130,10 @@ def test_blocked_management_socket_does_not_delay_the_cut_off(server: Server) ->
         assert evidence is not None
         assert (evidence.out, evidence.dead, evidence.is_confirmed) == (True, False, False)
         assert "silent for 2 s" in evidence.notes[0]
-        assert evidence.notes[1] == "no session is confirmed dead: the server does not answer"
+        assert evidence.notes[1] == "no session is confirmed as ended: the server does not respond"
         assert echo.answers() == 0
         assert server.record.authority.membership().queued_names == (name,)
-        assert "cannot be asked who is connected" in " ".join(server.drift())
+        assert "cannot be asked connected members" in " ".join(server.drift())
     evidence = server.go_on()
     assert evidence is not None
     assert evidence.is_confirmed
@@ -152,7 +152,10 @@ def test_stopped_server_has_no_sessions_only_if_that_is_certain(server: Server) 
         assert evidence is not None
         assert (evidence.out, evidence.dead) == (True, False)
         assert evidence.notes == (
-            "no session is confirmed dead: the server has no management socket, and is not known to be down",
+            (
+                "no session is confirmed as ended: the server has no management socket, and it is unknown whether it is "
+                "down"
+            ),
         )
         server.at("/run/no-systemd").unlink()
         server.record.revoke(other)
@@ -160,7 +163,7 @@ def test_stopped_server_has_no_sessions_only_if_that_is_certain(server: Server) 
         assert evidence is not None
         assert evidence.is_confirmed, evidence
         assert set(evidence.common_names) == {one, other}
-        assert "the server does not run" in " ".join(server.drift())
+        assert "the server is not running:" in " ".join(server.drift())
     finally:
         server.start()
     refused(server, client, "certificate revoked")
@@ -225,10 +228,10 @@ def test_manual_edits_are_reported_and_reverted_and_strangers_cut_off(server: Se
     server.run("nft", "add", "element", "inet", "p_atlantis_vpn", "p_members", "{ 10.80.0.99 }")
     server.put(f"{FOLDER}/crl.pem", "no list\n")
     assert server.drift() == (
-        f"{name}: its file on the server was changed by hand ({CCD}/{name})",
-        f"stranger is not to be admitted, and the server has a file that admits it ({CCD}/stranger)",
-        "the server has no list of revoked certificates that can be read: nobody can connect",
-        "the firewall that is loaded is not what its file says: somebody has changed it with nft",
+        f"{name}: its file on the server differs from the record ({CCD}/{name})",
+        f"stranger must not be admitted, but the server has a file that admits it ({CCD}/stranger)",
+        "the server has no readable revocation list: nobody can connect",
+        "the loaded firewall differs from its file, for example after a change with nft",
     )
     pushed = server.push()
     assert set(pushed.changes) == {
@@ -249,13 +252,13 @@ def test_concurrent_run_delays_a_push_but_no_revocation(server: Server) -> None:
     (name,), (client,) = connected(server)
     with server.at("/run/lock/atlantis-configure").open("r+") as busy, Echo(client) as echo:
         fcntl.flock(busy, fcntl.LOCK_EX)
-        with pytest.raises(ServerRefusal, match="another run is at work on this computer"):
+        with pytest.raises(ServerRefusal, match="another run is active on this computer:"):
             server.push()
         echo.goes()
         evidence = server.throw_out(name)
         assert echo.answers() == 0
     assert evidence.is_confirmed
-    assert "another run is at work" in evidence.notes[0]
+    assert "another run is active on this computer:" in evidence.notes[0]
     assert server.push().changes == ()
 
 
@@ -273,8 +276,8 @@ def test_unloadable_firewall_does_not_let_a_revoked_member_pass(server: Server) 
         )
         assert echo.answers() == 0
     assert (told["out"], told["dead"]) == (False, True)
-    assert told["left"] == [f"{FIREWALL} is not what it has to be"]
-    assert "could not be loaded, and is what it was" in told["told"][0]
+    assert told["left"] == [f"{FIREWALL} does not have the expected content"]
+    assert "the firewall of the VPN could not be loaded and is unchanged (exit" in told["told"][0]
     assert server.at(FIREWALL).read_text() != "no ruleset\n"
     evidence = server.go_on()
     assert evidence is not None
@@ -283,8 +286,10 @@ def test_unloadable_firewall_does_not_let_a_revoked_member_pass(server: Server) 
 
 def test_enabled_icmp_redirects_are_reported_and_disabled(server: Server) -> None:
     server.run("sysctl", "-qw", "net.ipv4.conf.all.send_redirects=1", "net.ipv4.conf.tun0.send_redirects=1")
-    assert server.drift() == ("the server's kernel may send ICMP redirects, by all, tun0: members would go past it",)
-    assert server.push().changes == ("ICMP redirects switched off",)
+    assert server.drift() == (
+        "the server's kernel may send ICMP redirects, by all, tun0: members could bypass the server",
+    )
+    assert server.push().changes == ("ICMP redirects disabled",)
     assert server.drift() == ()
     assert server.push().changes == ()
 
@@ -329,5 +334,5 @@ def test_an_older_copy_of_the_authority_is_refused(server: Server, tmp_path_fact
     shutil.copytree(server.record.authority.folder, copy)
     (name,), _ = connected(server)
     server.throw_out(name)
-    with pytest.raises(ServerRefusal, match="and the server has number"):
+    with pytest.raises(ServerRefusal, match="but the server has number"):
         live.push(declaration(), type(server.record.authority).open(copy), server.link)

@@ -103,7 +103,7 @@ def test_an_interface_without_a_key_is_replaced(tmp_path: Path) -> None:
         assert not stand.twins.do(HOST.name, "wrapped", interface=NAME)
         done = stand.install()
         assert done.exit is ExitCode.DONE, done.message
-        assert f"interface {NAME} imported in the place of the one that is there" in done.changes
+        assert f"interface {NAME} imported, replacing the existing one" in done.changes
         assert stand.twins.do(HOST.name, "wrapped", interface=NAME)
         assert converged(stand).exit is ExitCode.DONE
         assert stand.install().status is Status.UNCHANGED
@@ -173,7 +173,7 @@ def test_unsuitable_host_is_refused_before_anything_is_contacted(tmp_path: Path)
     identity = rehearsed_identity(SHIPPED, HOST)
     with pytest.raises(LookupError, match="coastal-gateway is a gateway"):
         install(SHIPPED, SHIPPED.hosts["coastal-gateway"], identity, request)
-    with pytest.raises(UsageError, match="scc-router is not its site's end of the VPN"):
+    with pytest.raises(UsageError, match="scc-router is not the VPN endpoint of its site"):
         install(SHIPPED, SHIPPED.hosts["scc-router"], identity, request)
     with pytest.raises(UsageError, match="example"):
         install(SHIPPED, HOST, identity, Request(state=tmp_path))

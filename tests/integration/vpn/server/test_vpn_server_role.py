@@ -204,7 +204,7 @@ def test_power_cut_during_setup_is_completed_by_the_next_run(server: Stand) -> N
     assert {name: one["status"] for name, one in gone["devices"].items()} == {
         NAME: "left-as-found",
         "coastal-gateway": "left-as-found",
-    }, "a server that does not answer leaves the gateways their turn"
+    }, "a server that does not respond leaves the gateways their turn"
     server.machine.power_on()
     settled(server)
     assert settled(server) == []

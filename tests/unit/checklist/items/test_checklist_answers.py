@@ -72,7 +72,7 @@ def test_answers_are_written_into_a_book(desk: Desk, tmp_path: Path) -> None:
         assert book.item(DHCP).counts is Verdict.WARN
         assert [item.id for item in open_items(book)] == [PING]
         assert len(book.files) == 1
-    assert spare == ("`sparus/wifi` is PASS: its override is not needed",)
+    assert spare == ("`sparus/wifi` is PASS: the override is not needed",)
     assert [item.id for item in heard] == [FAILSAFE, USBL, DHCP]
 
 
@@ -86,7 +86,7 @@ def test_consent_to_all_covers_only_unanswered_items(tmp_path: Path) -> None:
 def test_answers_for_a_whole_site_also_fit_one_vehicle(tmp_path: Path) -> None:
     answers = _read(tmp_path, WHOLE, (WIFI, PING), beyond=(FAILSAFE, USBL, DHCP))
     assert (set(answers.confirmations), set(answers.overrides), set(answers.consent_by_item)) == (set(), {WIFI}, {PING})
-    with pytest.raises(AnswersInvalid, match="there is no item `eca-rov/usbl` in this checklist"):
+    with pytest.raises(AnswersInvalid, match="this checklist has no item `eca-rov/usbl`"):
         _read(tmp_path, WHOLE, (WIFI, PING), beyond=(FAILSAFE, DHCP))
 
 
@@ -99,9 +99,9 @@ def test_item_that_applies_at_every_site_cannot_be_skipped(tmp_path: Path, item:
     with pytest.raises(AnswersInvalid) as told:
         _read(tmp_path, skipped, ALWAYS)
     assert str(told.value).replace(str(tmp_path), "") == (
-        f"/answers.yml:3:{len(item) + 15}: `{item}` applies at every site: it cannot be skipped\n"
-        "  -> answer what was seen, or INCONCLUSIVE (`unclear`) and override it with a reason\n"
-        "1 error in the answers; nothing was changed"
+        f"/answers.yml:3:{len(item) + 15}: `{item}` applies at every site: it cannot be skipped\n  -> answer what "
+        "was observed, or INCONCLUSIVE (`unclear`) and override it with a reason\n1 error in the responses; "
+        "nothing was changed"
     )
 
 

@@ -66,7 +66,7 @@ def test_interrupted_checklist_is_resumed(desk: Desk) -> None:
         first, items = book.run, book.items
     with desk.open() as book:
         assert (book.run, book.items) == (first, items)
-        assert book.words == f"the checklist {first} is gone on with"
+        assert book.words == f"the checklist {first} is continued"
         assert [item.id for item in open_items(book)] == [PING, USBL, DHCP]
 
 
@@ -75,9 +75,9 @@ def test_age_of_earlier_results_is_shown_on_resuming(desk: Desk, hours: int, ago
     with desk.open() as book:
         book.settle(found(WIFI))
     desk.now.at += timedelta(hours=hours)
-    told = f"; it was begun {ago} ago, and what was seen then stands: `--anew` looks at all of it again"
+    told = f"; it was started {ago} ago, and its results stand: `--anew` checks everything again"
     with desk.open() as book:
-        assert book.words == f"the checklist {book.run} is gone on with{told if ago else ''}"
+        assert book.words == f"the checklist {book.run} is continued{(told if ago else '')}"
 
 
 def test_a_scope_has_its_own_book(desk: Desk) -> None:
@@ -93,9 +93,9 @@ def test_a_scope_has_its_own_book(desk: Desk) -> None:
 @pytest.mark.parametrize(
     ("head", "why"),
     [
-        (replace(HEAD, inventory="cd" * 32), "the inventory has changed since"),
-        (replace(HEAD, tool="1.1"), "it was begun with version 1.0 of this toolkit, this is 1.1"),
-        (replace(HEAD, broken=("rogue-dhcp",)), "other things are broken on purpose now"),
+        (replace(HEAD, inventory="cd" * 32), "the inventory has changed since then"),
+        (replace(HEAD, tool="1.1"), "it was started with version 1.0 of this toolkit, this is 1.1"),
+        (replace(HEAD, broken=("rogue-dhcp",)), "the deliberate faults are different now"),
     ],
     ids=["inventory", "tool", "broken"],
 )
@@ -103,7 +103,7 @@ def test_outdated_book_stays_unfinished_with_a_reason(desk: Desk, head: object, 
     with desk.open() as old:
         old.settle(found(WIFI))
     with desk.open(head=head) as new:  # type: ignore[arg-type]
-        assert new.words == f"the checklist {old.run} stays unfinished, and a new one is begun: {why}"
+        assert new.words == f"the checklist {old.run} stays unfinished, and a new one is started: {why}"
         assert len(open_items(new)) == len(EVERY) - 1
     kept = books(desk.folder)
     assert [(one.run, one.state, one.why) for one in kept] == [
@@ -118,7 +118,7 @@ def test_anew_starts_a_new_book(desk: Desk) -> None:
     with desk.open() as old:
         pass
     with desk.open(anew=True) as new:
-        assert (new.run != old.run, "begun anew" in new.words) == (True, True)
+        assert (new.run != old.run, "a new start was requested" in new.words) == (True, True)
 
 
 def test_added_and_removed_steps_are_handled_on_resuming(desk: Desk) -> None:
@@ -129,7 +129,7 @@ def test_added_and_removed_steps_are_handled_on_resuming(desk: Desk) -> None:
 
 
 def test_second_process_is_told_who_holds_the_book(desk: Desk) -> None:
-    with desk.open(), pytest.raises(SiteBusy, match=rf"the checklist of coastal is being worked on by .*{os.getpid()}"):
+    with desk.open(), pytest.raises(SiteBusy, match=f"the checklist of coastal is locked by .*{os.getpid()}"):
         desk.open()
     desk.open().close()
 
@@ -153,24 +153,24 @@ def test_repeated_probe_replaces_result_and_history_keeps_both(desk: Desk) -> No
 @pytest.mark.parametrize(
     ("verdict", "note", "message", "hint"),
     [
-        (Verdict.PASS, "", "A. Technician has seen that it is well", None),
+        (Verdict.PASS, "", "A. Technician has seen that it is in order", None),
         (
             Verdict.WARN,
             "slow",
             "A. Technician has seen that it works, but: slow",
-            "decide whether the test can live with it",
+            "decide whether the test can continue in spite of it",
         ),
         (
             Verdict.FAIL,
             "motors ran on",
-            "A. Technician has seen that it is not well: motors ran on",
-            "mend it and answer again, or override it with a reason",
+            "A. Technician has seen that it is not in order: motors ran on",
+            "fix it and answer again, or override it with a reason",
         ),
         (
             Verdict.INCONCLUSIVE,
             "too dark",
             "A. Technician could not tell: too dark",
-            "look again when it can be seen, or override it with a reason",
+            "check again when it can be seen, or override it with a reason",
         ),
         (Verdict.SKIP, "no flight today", "A. Technician says that it does not apply: no flight today", None),
     ],
@@ -188,13 +188,17 @@ def test_confirmation_is_recorded(desk: Desk, verdict: Verdict, note: str, messa
 @pytest.mark.parametrize(
     ("name", "said", "message"),
     [
-        (WIFI, Confirmation(Verdict.PASS, NAME), "`sparus/wifi` is looked at by the tool: nobody can answer it"),
-        ("stork/rc_rf/failsaf", Confirmation(Verdict.PASS, NAME), "there is no item `stork/rc_rf/failsaf` in this"),
+        (WIFI, Confirmation(Verdict.PASS, NAME), "`sparus/wifi` is checked by the toolkit: a person cannot answer it"),
+        (
+            "stork/rc_rf/failsaf",
+            Confirmation(Verdict.PASS, NAME),
+            "no such playbook: item `stork/rc_rf/failsaf` in this",
+        ),
         (FAILSAFE, Confirmation(Verdict.PASS, " "), "a name is missing"),
         (FAILSAFE, Confirmation(Verdict.PASS, "x" * 101), "a name is too long"),
         (FAILSAFE, Confirmation(Verdict.FAIL, NAME, " "), "the reason for FAIL is missing"),
         (FAILSAFE, Confirmation(Verdict.PASS, NAME, "\x1b[2J"), "the reason for PASS is too long, or holds control"),
-        (FAILSAFE, Confirmation(Verdict.ERROR, NAME, "x"), "ERROR is nothing that a person can say"),
+        (FAILSAFE, Confirmation(Verdict.ERROR, NAME, "x"), "a person cannot give the verdict ERROR"),
     ],
 )
 def test_invalid_confirmation_is_refused_and_not_written(
@@ -297,15 +301,15 @@ def test_photo_metadata_is_removed(desk: Desk, tmp_path: Path, kind: str) -> Non
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda _: None, "there is no file"),
+        (lambda _: None, "no such playbook: file"),
         (lambda path: path.mkdir(), "is no file"),
         (os.mkfifo, "is no file"),
-        (lambda path: path.symlink_to("good.jpg"), "is a symbolic link, and links are not followed"),
+        (lambda path: path.symlink_to("good.jpg"), "` is a symbolic link, which is not followed"),
         (lambda path: path.write_bytes(b"\xff\xd8\xff\xe1 half"), "is a damaged picture of kind JPEG"),
         (lambda path: path.write_bytes(b"\0\0\0\x18ftypheic\0\0"), "is a picture of kind HEIC, whose position"),
         (lambda path: path.write_bytes(b"II*\0 tiff"), "is a picture of kind TIFF"),
         (lambda path: path.touch(), "is empty"),
-        (lambda path: path.write_bytes(bytes(25_000_001)), "has 25 MB; 25 MB are the most"),
+        (lambda path: path.write_bytes(bytes(25_000_001)), "has 25 MB; the maximum is 25 MB"),
     ],
     ids=["missing", "folder", "pipe", "link", "damaged", "heic", "tiff", "empty", "large"],
 )
@@ -339,8 +343,8 @@ def test_item_left_open_on_purpose_is_reported_and_not_green(desk: Desk) -> None
     with desk.open([WIFI, PING]) as book:
         book.settle(found(WIFI))
         for leave, error in (
-            ({PING: " "}, "the reason to leave it open is missing"),
-            ({"x": "y"}, "there is no item `x`"),
+            ({PING: " "}, "the reason for leaving it open is missing"),
+            ({"x": "y"}, "no such playbook: item `x`"),
         ):
             with pytest.raises(ChecklistUsageError, match=error):
                 book.sign(NAME, pages, leave=leave)
@@ -387,7 +391,7 @@ def test_unknown_file_in_folder_blocks_signing_and_is_kept(desk: Desk) -> None:
     with desk.open() as book:
         answer(book)
         (book.folder / "holiday.jpg").write_bytes(b"sun")
-        with pytest.raises(SigningError, match=r"`holiday.jpg` in the folder of the checklist is not of the checklist"):
+        with pytest.raises(SigningError, match=r"`holiday.jpg` in the folder of the checklist does not belong to it"):
             book.sign(NAME, pages)
         (book.folder / "holiday.jpg").unlink()
         book.sign(NAME, pages)
@@ -397,7 +401,7 @@ def test_unknown_file_in_folder_blocks_signing_and_is_kept(desk: Desk) -> None:
 def test_page_cannot_use_a_reserved_name(desk: Desk, name: str) -> None:
     with desk.open([WIFI]) as book:
         answer(book)
-        with pytest.raises(ValueError, match="no names for pages"):
+        with pytest.raises(ValueError, match="invalid page names:"):
             book.sign(NAME, lambda _: {name: b""})
 
 
@@ -413,7 +417,7 @@ def test_full_disk_is_reported_and_leaves_no_partial_record(desk: Desk, monkeypa
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr(os, "write", full)
-        with pytest.raises(JournalError, match="the checklist cannot be written: No space left on device"):
+        with pytest.raises(JournalError, match="cannot add the checklist: No space left on device"):
             book.settle(found(DHCP))
         monkeypatch.undo()
         assert (book.folder / "records.jsonl").stat().st_size == size
@@ -474,5 +478,5 @@ def test_changed_line_is_damage_and_a_new_book_begins(desk: Desk) -> None:
         book.settle(found(DHCP))
     _log(desk).write_bytes(_log(desk).read_bytes().replace(b'"as it should be"', b'"as it should not"', 1))
     with desk.open() as new:
-        assert "is damaged (line 3 does not follow the line above): a new one is begun" in new.words
+        assert "is damaged (line 3 does not follow from the line above): a new one is started" in new.words
     assert [one.state for one in books(desk.folder)] == [VehicleState.DAMAGED, VehicleState.OPEN]

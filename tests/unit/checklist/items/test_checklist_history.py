@@ -59,8 +59,8 @@ def test_changes_since_last_green_are_listed(desk: Desk) -> None:
         (WIFI, "PASS", "FAIL", "no association; overridden by A. Technician: on the bench"),
         (FAILSAFE, "PASS", "WARN", "A. Technician has seen that it works, but: seen so"),
         (DHCP, "PASS", "FAIL", "192.168.1.7 offers addresses"),
-        ("mares/gps", None, "PASS", "new: A. Technician has seen that it is well"),
-        (USBL, "PASS", None, "is no longer checked: eca-rov/usbl is well"),
+        ("mares/gps", None, "PASS", "new: A. Technician has seen that it is in order"),
+        (USBL, "PASS", None, "no longer checked: eca-rov/usbl is well"),
     ]
 
 
@@ -134,7 +134,7 @@ def test_incomplete_book_is_listed_as_damaged(desk: Desk) -> None:
     for gone, why in (
         ("records.jsonl", ""),
         ("report.json", "its report.json cannot be read"),
-        ("manifest.json", "records.jsonl cannot be read: No such file or directory"),
+        ("manifest.json", "cannot read records.jsonl: No such file or directory"),
     ):
         (signed / gone).unlink()
         (kept,) = books(desk.folder)

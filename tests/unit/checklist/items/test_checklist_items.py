@@ -49,7 +49,10 @@ def _settings(declaration: Inventory, **changes: object) -> Inventory:
 
 def _mares(declaration: Inventory, *items: Mapping[str, object]) -> Inventory:
     """With these items in place of those that are shipped."""
-    rows = [{"text": "It is well", "look_for": "it is so", "phase": "bench", **item} for item in items]
+    rows = [
+        {"text": "It is well", "look_for": "nothing is signed until this is repaired", "phase": "bench", **item}
+        for item in items
+    ]
     own = VehicleChecklist.model_validate({"items": rows})
     vehicle = declaration.vehicles["mares"].model_copy(update={"checklist": own})
     return replace(declaration, vehicles={**declaration.vehicles, "mares": vehicle})
@@ -84,11 +87,11 @@ def test_mission_adds_items_and_removes_none(shipped: Inventory) -> None:
     more = {entry.item.id for entry in listed.entries} - {entry.item.id for entry in without.entries}
     assert more == {LIGHTS, LOGGED}
     assert listed.left_out == ()
-    assert "with the items of the mission night: Test after sunset" in listed.notes
-    assert "no mission was named; with `mission=NAME` its items are asked too: night, inspection" in without.notes
+    assert "with the items of mission night: Test after sunset" in listed.notes
+    assert "no mission given; `mission=NAME` adds the items of a mission: night, inspection" in without.notes
     kinds = {entry.item.id: entry.item.kind for entry in listed.entries}
     assert (kinds[LIGHTS], kinds[LOGGED]) == (ItemKind.PERSON, ItemKind.AUTOMATIC)
-    with pytest.raises(NoMatchError, match="there is no mission `nigth`"):
+    with pytest.raises(NoMatchError, match="no such playbook: mission `nigth`"):
         plan(shipped, "coastal", Scope(mission="nigth"))
 
 
@@ -97,8 +100,8 @@ def test_recovery_is_a_separate_list(shipped: Inventory) -> None:
     assert RINSED not in {entry.item.id for entry in first.entries}
     assert RINSED in first.beyond
     assert (
-        "1 item of recovery is still to come, in a list of its own, when the vehicles are back:"
-        " `provision check site=coastal phase=recovery`"
+        "1 item of recovery is still to come, in a separate checklist, when the vehicles are back: `provision "
+        "check site=coastal phase=recovery`"
     ) in first.notes
     assert [entry.item.id for entry in after.entries] == [RINSED]
     assert BATTERY in after.beyond
@@ -107,10 +110,10 @@ def test_recovery_is_a_separate_list(shipped: Inventory) -> None:
 
 
 def test_recovery_cannot_be_mixed_with_other_phases(shipped: Inventory) -> None:
-    with pytest.raises(UsageError, match="a checklist of their own") as error:
+    with pytest.raises(UsageError, match="are a separate checklist") as error:
         plan(shipped, "coastal", Scope(phases=(Phase.QUAY, Phase.RECOVERY)))
-    assert error.value.hint == "`provision check site=coastal phase=recovery` alone, when the vehicles are back"
-    with pytest.raises(NoMatchError, match="no such item of recovery is declared at coastal"):
+    assert error.value.hint == "`provision check site=coastal phase=recovery` on its own, when the vehicles are back"
+    with pytest.raises(NoMatchError, match="coastal has no such recovery item in the inventory"):
         plan(shipped, "coastal", Scope(vehicles=("sparus",), phases=(Phase.RECOVERY,)))
 
 
@@ -149,9 +152,9 @@ def test_each_mission_has_its_own_book(shipped: Inventory, tmp_path: Path) -> No
         (16.1, Verdict.PASS, None),
         (14.8, Verdict.PASS, None),
         (16.8, Verdict.WARN, None),
-        (14.7, Verdict.PASS, "14.7 V does not pass: a number in V, 14.8 to 16.8 is asked for"),
-        (17.0, Verdict.WARN, "17 V does not pass: a number in V, 14.8 to 16.8 is asked for"),
-        (None, Verdict.PASS, "a number in V, 14.8 to 16.8 is asked for"),
+        (14.7, Verdict.PASS, "14.7 V does not pass: required is a number in V, 14.8 to 16.8"),
+        (17.0, Verdict.WARN, "17 V does not pass: required is a number in V, 14.8 to 16.8"),
+        (None, Verdict.PASS, "required: a number in V, 14.8 to 16.8"),
         (12.0, Verdict.FAIL, None),
         (None, Verdict.FAIL, None),
         (None, Verdict.INCONCLUSIVE, None),
@@ -202,15 +205,20 @@ def test_a_range_with_one_end(
 
 
 def test_required_text_and_photo_cannot_be_omitted(shipped: Inventory, tmp_path: Path) -> None:
-    (tmp_path / "list.txt").write_text("no picture")
+    (tmp_path / "list.txt").write_text(
+        "holds a private key: whoever has this file can act as this device. Do not "
+        "share it, mail it or photograph it. Delete this folder and the sealed file once the device works: the "
+        "system then has its own copy. Use one enrolment package per device: two devices with the same one "
+        "disconnect each other every minute. For a second device, ask for a second enrolment package."
+    )
     (tmp_path / "photo.png").write_bytes((ROOT / "tests" / "data" / "answers" / "failsafe.png").read_bytes())
     two = _mares(shipped, {"id": "serial", "evidence": "text"}, {"id": "ring", "evidence": "photo"})
     with _book(plan(two, "coastal", Scope(vehicles=("mares",))), tmp_path) as book:
-        with pytest.raises(ChecklistUsageError, match="a note with what was seen is asked for"):
+        with pytest.raises(ChecklistUsageError, match="required: a note with what was seen"):
             book.confirm("mares/items/serial", Confirmation(Verdict.PASS, NAME, "  "))
         assert book.confirm("mares/items/serial", Confirmation(Verdict.PASS, NAME, "no 12")).verdict is Verdict.PASS
         for files in ((), (tmp_path / "list.txt",)):
-            with pytest.raises(ChecklistUsageError, match="a photo is asked for"):
+            with pytest.raises(ChecklistUsageError, match="required: a photo"):
                 book.confirm("mares/items/ring", Confirmation(Verdict.PASS, NAME, files=files))
         item = book.confirm("mares/items/ring", Confirmation(Verdict.PASS, NAME, files=(tmp_path / "photo.png",)))
     assert [each.what for each in item.evidence if each.file is not None] == ["photo.png"]
@@ -219,7 +227,7 @@ def test_required_text_and_photo_cannot_be_omitted(shipped: Inventory, tmp_path:
 def test_unexpected_number_is_refused(shipped: Inventory, tmp_path: Path) -> None:
     with (
         _book(plan(shipped, "coastal", Scope(vehicles=("mares",))), tmp_path) as book,
-        pytest.raises(ChecklistUsageError, match="no number is asked for here"),
+        pytest.raises(ChecklistUsageError, match="this item takes no number"),
     ):
         book.confirm(PLUG, Confirmation(Verdict.PASS, NAME, value=3.0))
 
@@ -240,8 +248,8 @@ def test_only_authorised_people_answer_override_and_sign(restricted: Checklist, 
     with _book(restricted, tmp_path) as book:
         with pytest.raises(ChecklistUsageError) as error:
             book.confirm(name, Confirmation(Verdict.PASS, NAME))
-        assert str(error.value) == f"`{name}`: {NAME} may not answer: the declaration names others"
-        assert error.value.hint == "it takes the word of: B. Pilot, D. Owner"
+        assert str(error.value) == f"`{name}`: {NAME} may not answer: the inventory names others"
+        assert error.value.hint == "it must be one of: B. Pilot, D. Owner"
         book.confirm(name, Confirmation(Verdict.FAIL, "b.  pilot", "it does not stop"))
         with pytest.raises(ChecklistUsageError, match="may not override it"):
             book.override(name, "it is late", NAME)
@@ -286,9 +294,9 @@ def test_answers_supply_required_evidence(shipped: Inventory, tmp_path: Path) ->
     with pytest.raises(AnswersInvalid) as error:
         Answers.read(file, listed)
     assert [(each.line, each.message) for each in error.value.findings] == [
-        (3, "12 V does not pass: a number in V, 14.8 to 16.8 is asked for"),
-        (4, "no number is asked for here"),
-        (5, "a photo is asked for"),
+        (3, "12 V does not pass: required is a number in V, 14.8 to 16.8"),
+        (4, "this item takes no number"),
+        (5, "required: a photo"),
     ]
     file.write_text(f"name: A\nanswers:\n  {BATTERY}: {{verdict: PASS, value: 15.5}}\n")
     with _book(listed, tmp_path) as book:

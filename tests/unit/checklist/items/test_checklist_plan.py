@@ -116,8 +116,8 @@ def _partners(declaration: Inventory, **partners: str | None) -> Inventory:
     ("partners", "told"),
     [
         ({"zarco": "inesc", "eca-rov": "eca"}, "Zarco (inesc), ECA ROV (eca)"),
-        ({"zarco": "inesc", "mares": None}, "Zarco (inesc), Mares (partner not declared)"),
-        ({"sparus": None, "mares": None}, "Sparus (partner not declared), Mares (partner not declared)"),
+        ({"zarco": "inesc", "mares": None}, "Zarco (inesc), Mares (partner not in the inventory)"),
+        ({"sparus": None, "mares": None}, "Sparus (partner not in the inventory), Mares (partner not declared)"),
         ({"zarco": "inesc", "stork": "inesc"}, ""),
         ({"mares": None}, ""),
         ({}, ""),
@@ -207,11 +207,11 @@ ROBOT = ("vpn", "discovered", "control-centre", "telemetry", "pose", "rates")
 @pytest.mark.parametrize(
     ("scope", "ids", "beyond"),
     [
-        (Scope(vehicles=("stork",), endpoints=("gps",)), {"stork/gps"}, "left out by `vehicle=stork endpoint=gps`"),
+        (Scope(vehicles=("stork",), endpoints=("gps",)), {"stork/gps"}, "excluded by `vehicle=stork endpoint=gps`"),
         (
             Scope(vehicles=("eca-rov",)),
             {"eca-rov/usbl", "eca-rov/ethernet", *(f"eca-rov/robot/{item}" for item in ROBOT)},
-            "left out by `vehicle=eca-rov`",
+            "excluded by `vehicle=eca-rov`",
         ),
     ],
     ids=["cell", "vehicle"],
@@ -238,16 +238,21 @@ def test_phases_together_are_the_whole_list(declaration: Inventory, coastal: Che
 @pytest.mark.parametrize(
     ("site", "scope", "message", "hint"),
     [
-        ("costal", Scope(), "there is no site `costal`", "did you mean `coastal`? there are: scc, coastal, te4sea"),
+        ("costal", Scope(), "site `costal` does not exist", "did you mean `coastal`? available: scc, coastal, te4sea"),
         (
             "coastal",
             Scope(vehicles=("spartus",)),
-            "there is no vehicle `spartus`",
+            "vehicle `spartus` does not exist",
             "did you mean `sparus`? there are: ",
         ),
-        ("coastal", Scope(endpoints=("lte",)), "there is no endpoint `lte`", "there are: wifi, acoustic, satellite"),
+        (
+            "coastal",
+            Scope(endpoints=("lte",)),
+            "no such playbook: endpoint `lte`",
+            "available: wifi, acoustic, satellite",
+        ),
         ("scc", Scope(vehicles=("sparus",)), "`sparus` is not tested at scc", "its vehicles are: none; "),
-        ("coastal", Scope(vehicles=("stork",), endpoints=("usbl",)), "nothing is left of the checklist", "leave out"),
+        ("coastal", Scope(vehicles=("stork",), endpoints=("usbl",)), "no item of the checklist is left", "leave out"),
     ],
 )
 def test_unknown_site_or_scope_is_refused(
@@ -266,7 +271,7 @@ def test_shipped_answers_are_complete(coastal: Checklist) -> None:
     for one in coastal.entries:
         name, kind = one.item.id, one.item.kind
         if kind is ItemKind.PERSON and one.item.open:
-            assert answers.confirmation(name) is not None, f"no answer to {name} in {ANSWERS.name}"
+            assert answers.confirmation(name) is not None, f"no response to {name} in {ANSWERS.name}"
         if kind is ItemKind.ACTIVE and one.item.open:
             agreed = answers.consents(name) or answers.confirmation(name)
             assert agreed is not None, f"no consent to {name} in {ANSWERS.name}"

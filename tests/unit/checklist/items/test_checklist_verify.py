@@ -141,7 +141,7 @@ def test_changed_verdict_is_detected(signed: Path) -> None:
     assert _whats(signed, "report.json") == [
         "was changed after the checklist was signed",
         "was changed after it was signed",
-        "tells other results than the records of the checklist",
+        "has other results than the records of the checklist",
     ]
 
 
@@ -153,7 +153,7 @@ def test_signature_with_another_name_time_or_key_is_detected(signed: Path, field
         report["signed"][field] = value
 
     _edit(signed / "report.json", change)
-    assert "the signature does not fit what stands there" in _whats(signed, "report.json")
+    assert "the signature does not match the content" in _whats(signed, "report.json")
 
 
 def test_removed_signature_is_detected(signed: Path) -> None:
@@ -177,8 +177,8 @@ def _forge(signed: Path, key: SigningKey) -> None:
 def test_signature_by_an_unknown_key_is_detected(signed: Path, tmp_path: Path) -> None:
     key = SigningKey.load_or_create(tmp_path / "other.key")
     _forge(signed, key)
-    unknown = f"this computer does not know the key {key.fingerprint} that has signed it"
-    assert _whats(signed, "report.json") == [unknown, "tells other results than the records of the checklist"]
+    unknown = f"it is signed with key {key.fingerprint}, which is unknown on this computer"
+    assert _whats(signed, "report.json") == [unknown, "has other results than the records of the checklist"]
     assert _whats(signed, "manifest.json") == [unknown]
 
 
@@ -188,12 +188,12 @@ def test_checklist_of_another_computer_needs_its_key(signed: Path, desk: Desk, t
     whose = SigningKey.load_or_create(desk.key).fingerprint
     for key in (None, SigningKey.load_or_create(here)):
         assert [one.what for one in verify(copy, key=here if key else tmp_path / "none.key")] == [
-            f"this computer does not know the key {whose} that has signed it"
+            f"it is signed with key {whose}, which is unknown on this computer"
         ] * 2
     assert verify(copy, key=here, required_keys=[whose]) == ()
     for own in (desk.key, here):
         assert [one.what for one in verify(copy, key=own, required_keys=["SHA256:other"])] == [
-            f"the key {whose} has signed it, and another one was asked for"
+            f"it is signed with key {whose}, but another key was requested"
         ] * 2, "who asks for a key gets no other, not this computer's own either"
     assert verify(copy, key=desk.key) == ()
 
@@ -202,7 +202,7 @@ def test_unsigned_book_does_not_verify(desk: Desk) -> None:
     with desk.open() as book:
         answer(book)
     (trouble,) = verify(book.folder)
-    assert (trouble.file, trouble.what) == ("manifest.json", "is missing: nobody vouches for what is here")
+    assert (trouble.file, trouble.what) == ("manifest.json", "is missing: nobody vouches for these files")
 
 
 def test_report_alone_can_be_verified(signed: Path, desk: Desk, tmp_path: Path) -> None:
@@ -223,16 +223,16 @@ def test_report_alone_can_be_verified(signed: Path, desk: Desk, tmp_path: Path) 
 )
 def test_invalid_report_is_refused(desk: Desk, data: bytes) -> None:
     (trouble,) = verify_report(data, key=desk.key)
-    assert trouble.what == "is no report of a checklist, or is damaged"
+    assert trouble.what == "is not a checklist report, or is damaged"
 
 
 def test_reformatted_report_is_refused(signed: Path, desk: Desk) -> None:
     data = parse_json((signed / "report.json").read_bytes())
     (trouble,) = verify_report(json.dumps(data).encode(), key=desk.key)
-    assert trouble.what == "says what was signed, but not byte for byte as it was written"
+    assert trouble.what == "has the signed content, but is not byte for byte as it was written"
     twice = (signed / "report.json").read_bytes().replace(b'"site":', b'"run": "other",\n "site":', 1)
     (trouble,) = verify_report(twice, key=desk.key)
-    assert trouble.what == "is no report of a checklist, or is damaged"
+    assert trouble.what == "is not a checklist report, or is damaged"
 
 
 def test_malformed_manifest_is_detected(signed: Path) -> None:
@@ -265,7 +265,7 @@ def test_first_of_two_concurrently_created_keys_wins(tmp_path: Path, monkeypatch
 
 def test_key_readable_by_others_is_refused(signed: Path, desk: Desk) -> None:
     desk.key.chmod(0o644)
-    with pytest.raises(SigningKeyError, match="other users of this computer can read the key") as error:
+    with pytest.raises(SigningKeyError, match="other users of this computer can read the signing key") as error:
         verify(signed)
     assert (error.value.hint or "").startswith("chmod 600 ")
 
@@ -276,7 +276,7 @@ def test_invalid_key_is_refused(desk: Desk) -> None:
     desk.key.chmod(0o600)
     with desk.open([WIFI]) as book:
         answer(book)
-        with pytest.raises(SigningKeyError, match="the key for signing cannot be read"):
+        with pytest.raises(SigningKeyError, match="the signing key cannot be read"):
             book.sign(NAME, pages)
         assert not (book.folder / "manifest.json").exists()
 

@@ -54,19 +54,19 @@ def test_pre_test_checklist_has_no_integration_items(declaration: Inventory) -> 
     listed = plan(declaration, "coastal")
     assert not [entry for entry in listed.entries if entry.item.endpoint == "integration"]
     assert not [row for row in listed.rows if "integration" in row.beside]
-    assert "sparus/integration/plan" in listed.beyond, "a file of answers may hold both"
+    assert "sparus/integration/plan" in listed.beyond, "a file of responses may hold both"
 
 
 @pytest.mark.parametrize(
     ("scope", "message"),
     [
-        (Scope(phases=(Phase.INTEGRATION,)), "an integration record is of one robot"),
-        (Scope(vehicles=("sparus", "zarco"), phases=(Phase.INTEGRATION,)), "an integration record is of one robot"),
+        (Scope(phases=(Phase.INTEGRATION,)), "an integration record is for one robot"),
+        (Scope(vehicles=("sparus", "zarco"), phases=(Phase.INTEGRATION,)), "an integration record is for one robot"),
         (
             Scope(vehicles=("sparus",), phases=(Phase.QUAY, Phase.INTEGRATION)),
-            "the items of integration are a checklist of their own",
+            "the items of integration are a separate checklist",
         ),
-        (Scope(phases=(Phase.QUAY, Phase.RECOVERY)), "the items of recovery are a checklist of their own"),
+        (Scope(phases=(Phase.QUAY, Phase.RECOVERY)), "the items of recovery are a separate checklist"),
     ],
 )
 def test_integration_is_planned_alone_and_for_one_robot(declaration: Inventory, scope: Scope, message: str) -> None:
@@ -81,7 +81,7 @@ def test_robot_without_a_file_has_no_integration_record(declaration: Inventory, 
     (inventory / "robots" / "sparus.yml").unlink()
     with pytest.raises(NoMatchError) as error:
         record_of(load(inventory), "sparus")
-    assert str(error.value) == "`sparus` has no robot's file, and so no integration record"
+    assert str(error.value) == "`sparus` has no robot file, so it has no integration record"
     assert record_of(declaration, "sparus").entries
 
 
@@ -152,7 +152,7 @@ def test_record_is_signed_separately_and_has_its_own_page(sparus: Checklist, tmp
         for entry in sparus.entries:
             if entry.item.kind is ItemKind.AUTOMATIC:
                 book.settle(entry.item.model_copy(update={"verdict": Verdict.PASS, "message": "heard"}))
-        with pytest.raises(ChecklistUsageError, match="a note with what was seen is asked for"):
+        with pytest.raises(ChecklistUsageError, match="required: a note with what was seen"):
             book.confirm("sparus/integration/plan", Confirmation(Verdict.PASS, NAME))
         for name in PEOPLE:
             bridge = name == "ros1-bridge"
@@ -165,7 +165,7 @@ def test_record_is_signed_separately_and_has_its_own_page(sparus: Checklist, tmp
     assert document.scope == {"vehicle": ("sparus",), "phase": ("integration",)}
     assert ">Integration record: Sparus, Coastal testbed</h1>" in page
     assert "<title>PASS: Integration record of Sparus, run" in page
-    assert "asked for" not in page, "no inventory declares it"
+    assert "requirement" not in page, "no inventory declares it"
     assert "Girona" not in lines(document)
     (kept,) = books(folder)
     assert kept.document == document
@@ -174,8 +174,12 @@ def test_record_is_signed_separately_and_has_its_own_page(sparus: Checklist, tmp
 @pytest.mark.parametrize(
     ("fault", "message", "hint"),
     [
-        ("robot-frozen", "`break=robot-frozen` breaks nothing of sparus", "it is for the record of `vehicle=mares`"),
-        ("rogue-dhcp", "`break=rogue-dhcp` breaks nothing of sparus", "it is for the site's checklist"),
+        (
+            "robot-frozen",
+            "`break=robot-frozen` breaks nothing of sparus",
+            "it belongs to the record of `vehicle=mares`",
+        ),
+        ("rogue-dhcp", "`break=rogue-dhcp` breaks nothing of sparus", "it belongs to the site's checklist"),
     ],
 )
 def test_fault_that_cannot_affect_the_robot_is_refused(

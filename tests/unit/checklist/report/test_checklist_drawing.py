@@ -143,7 +143,7 @@ def test_drawing_is_described_in_text() -> None:
     assert "Control centre." in told
     assert "Sparus, coastal-gateway: Wi-Fi, FAIL." in told
     assert "coastal-router, scc-vpn: VPN, PASS." in told
-    assert describe_drawing(made.empty()) == ["Nothing is declared."]
+    assert describe_drawing(made.empty()) == ["The inventory has nothing here."]
 
 
 def test_the_worst_item_gives_colour_and_sign() -> None:

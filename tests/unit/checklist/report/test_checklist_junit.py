@@ -28,7 +28,7 @@ def test_each_row_is_a_suite_and_each_item_a_case() -> None:
         "mares": 4,
         "eca-rov": 2,
         "coastal": 11,
-        "left out": 1,
+        "excluded": 1,
     }
     assert root.get("name") == "checklist of coastal, rehearsed: nothing real was checked"
 

@@ -80,7 +80,7 @@ def test_omitted_cell_is_marked() -> None:
     own = tuple(item for item in made.healthy_items() if item.vehicle == "sparus")
     found = parsed(html(made.green(items=own, scope={"vehicle": ("sparus",)}), {}))
     assert found.cell("Mares", "GPS").words == "…NOT CHECKED, GPS, Mares"
-    assert "The checklist has passed, for vehicle=sparus alone" in found.text
+    assert "The checklist has passed, for vehicle=sparus only" in found.text
 
 
 def test_first_screen_shows_the_essentials(page: Page) -> None:
@@ -99,20 +99,27 @@ def test_first_screen_shows_the_essentials(page: Page) -> None:
 
 
 def test_worst_item_comes_first(page: Page) -> None:
-    first = page.text.partition("What to mend first")[2].partition("Overridden by a person")[0]
+    first = page.text.partition("What to fix first")[2].partition("Overridden by a person")[0]
     order = ["the probe crashed", "overdrives the receiver", "a second DHCP server", "no fix was heard", "waits for"]
     places = [first.index(words) for words in order]
     assert places == sorted(places)
     assert "move the antennas apart" in first
-    assert "Zarco does not answer" not in first
+    assert "Zarco does not respond" not in first
 
 
 def test_empty_sections_are_omitted() -> None:
     words = parsed(html(made.green(), {})).text
     assert "The checklist has passed 32 PASS" in words
-    for one in ("REHEARSAL", "What to mend first", "Overridden by", "What changed", "Notes", "Not rehearsed"):
+    for one in (
+        "REHEARSAL",
+        "What to fix first",
+        "Overridden by",
+        "Changes since the last green checklist",
+        "Notes",
+        "Limits of the rehearsal",
+    ):
         assert one not in words
-    assert "Everything on the list was looked at." in words
+    assert "Everything on the list was checked." in words
 
 
 def test_note_is_on_every_page_and_affects_no_verdict(page: Page) -> None:
@@ -138,8 +145,8 @@ def test_warnings_are_shown_when_nothing_failed() -> None:
     warned = made.item("sparus/gps", Verdict.WARN, "few satellites", hint="wait for a clear sky")
     words = parsed(html(made.green(items=(warned, made.item("sparus/wifi"))), {})).text
     assert "The checklist has passed, with warnings 1 WARN, 1 PASS" in words
-    assert "What to look at ! WARN GPS of Sparus few satellites wait for a clear sky" in words
-    assert "What to mend" not in words
+    assert "What to check ! WARN GPS from Sparus few satellites wait for a clear sky" in words
+    assert "What to fix first" not in words
 
 
 def test_evidence_of_one_kind_is_grouped() -> None:
@@ -149,11 +156,11 @@ def test_evidence_of_one_kind_is_grouped() -> None:
     item = made.item("sparus/acoustic", evidence=(*read, declared))
     words = parsed(html(made.green(items=(item,)), {})).text
     assert "firmware: 1.7; battery: 24 V (read from the device)" in words
-    assert "address: 3 (declared in the inventory)" in words
+    assert "address: 3 (from the inventory)" in words
 
 
 def test_changes_are_listed(page: Page) -> None:
-    words = page.text.partition("What changed since the last green")[2].partition("What was not checked")[0]
+    words = page.text.partition("Changes since the last green checklist")[2].partition("What was not checked")[0]
     assert "sparus/wifi ✓ PASSNow ✗ FAIL-22 dBm, was -50 dBm" in words
     assert "coastal/site/poe no such itemNow ✓ PASSis new" in words
 

@@ -93,20 +93,20 @@ def test_excess_pictures_are_only_named(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(_photos, "ALL_BYTES", 10)
     one = kept(picture("PNG"))
     assert one.photo is None
-    assert one.words.endswith("; not shown, there are too many pictures")
+    assert one.words.endswith("; not shown, too many pictures")
 
 
 def test_missing_file_is_reported() -> None:
     one = kept(None, sha256="0" * 64)
     assert one.amiss
-    assert one.words == f"SHA-256 {'0' * 64}; the file is not beside this document"
+    assert one.words == f"SHA-256 {'0' * 64}; the file is not in the folder of this document"
 
 
 def test_replaced_file_is_not_shown() -> None:
     one = kept(picture("PNG"), sha256="0" * 64)
     assert one.amiss
     assert one.photo is None
-    assert "the file there is ANOTHER ONE" in one.words
+    assert "the file there is DIFFERENT" in one.words
 
 
 def test_file_without_a_hash_is_shown_and_marked() -> None:

@@ -82,7 +82,7 @@ def entry(name: str, probe: Probe | None, kind: ItemKind = ItemKind.AUTOMATIC, *
         phase=Phase.BENCH,
         open=is_open,
         verdict=Verdict.INCONCLUSIVE,
-        message="not looked at yet",
+        message="not checked yet",
     )
     return PlanEntry(item, step, Cell(DECLARATION, "coastal", None, SITE))
 
@@ -206,7 +206,9 @@ def test_places_run_in_parallel_and_items_settle_as_answered(tmp_path: Path) -> 
 def test_crashed_probe_is_an_error_and_others_continue(tmp_path: Path, where: str, name: str) -> None:
     sick, well = examined([entry("sick", Fake(fault=where)), entry("well", Fake())], Ears(), tmp_path)
     assert (sick.verdict, sick.open) == (Verdict.ERROR, False)
-    assert sick.message == f"provision itself failed ({name}): this is our fault, not a mistake of yours"
+    assert sick.message == (
+        f"provision failed with an internal error ({name}): this is our fault, not a mistake of yours"
+    )
     assert [one.code for one in sick.findings] == ["crashed"]
     (log,) = (tmp_path / "log").iterdir()
     assert sick.hint == f"please send us the log file {log}"
@@ -228,7 +230,7 @@ def test_crashed_transport_affects_only_its_place(tmp_path: Path) -> None:
 def test_missing_answer_counts_as_not_asked(tmp_path: Path) -> None:
     probe = Fake((DISCOVER, HERE))
     examined([entry("a", probe)], Ears({Place.GATEWAY: lambda *_: {}}), tmp_path)
-    assert probe.heard["run"] == CommandResult(Trouble.NO_PLACE, "nothing came back")
+    assert probe.heard["run"] == CommandResult(Trouble.NO_PLACE, "no response")
     assert probe.heard["here"] == answer(HERE)
 
 
@@ -240,12 +242,12 @@ def test_hanging_place_times_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         await examine([entry("a", probe)], Ears(gate=asyncio.Event()), lambda _: None, state=lambda: tmp_path)
 
     asyncio.run(run())
-    assert probe.heard == {"run": CommandResult(Trouble.NO_PLACE, "nothing came back within 0.05 s")}
+    assert probe.heard == {"run": CommandResult(Trouble.NO_PLACE, "no response within 0.05 s")}
 
 
 def test_probe_without_findings_does_not_pass(tmp_path: Path) -> None:
     (item,) = examined([entry("a", Fake(findings=()))], Ears(), tmp_path)
-    assert (item.verdict, item.message) == (Verdict.ERROR, "this probe came to no verdict")
+    assert (item.verdict, item.message) == (Verdict.ERROR, "this probe gave no verdict")
 
 
 def test_probe_without_requests_is_judged_at_once(tmp_path: Path) -> None:
@@ -297,40 +299,40 @@ def message(address: str = "10.80.0.2", port: int = REFLECTOR_PORT, count: int =
 
 
 UNFIT: Mapping[str, tuple[tuple[Question, ...], str]] = {
-    "a program": ((RunProgram("it", Place.GATEWAY, ("reboot",)),), "`reboot` is not on the list of reading programs"),
+    "a program": ((RunProgram("it", Place.GATEWAY, ("reboot",)),), "`reboot` is not on the list of read-only programs"),
     "a shell": (
         (RunProgram("it", Place.LAPTOP, ("ip", "-j", "addr;reboot")),),
-        "`ip -j addr;reboot` is not on the list of reading programs",
+        "`ip -j addr;reboot` is not on the list of read-only programs",
     ),
     "a setting": (
         (RouterOsQuery("it", "coastal-router", Query("/ip/route", "set", ((".id", "*1"),))),),
-        "`/ip/route/set` is no reading command",
+        "`/ip/route/set` is not a read-only command",
     ),
     "a monitor without an end": (
         (RouterOsQuery("it", "coastal-router", Query("/interface/lte", "monitor", (("numbers", "lte1"),))),),
-        "`/interface/lte/monitor` is no reading command",
+        "`/interface/lte/monitor` is not a read-only command",
     ),
     "a ping without an end": (
         (RouterOsQuery("it", "coastal-router", Query("/tool", "ping", (("address", "10.64.1.1"),))),),
-        "`/tool/ping` is no reading command",
+        "`/tool/ping` is not a read-only command",
     ),
-    "an address of strangers": ((tcp("8.8.8.8"),), "the address 8.8.8.8 is not declared at coastal"),
-    "no address": ((tcp(""),), "the address that it asks is not declared at coastal"),
+    "an address of strangers": ((tcp("8.8.8.8"),), "the address 8.8.8.8 is not in the inventory of coastal"),
+    "no address": ((tcp(""),), "the address that it requests is not in the inventory of coastal"),
     "a serial port": (
         (Listen("it", Place.GATEWAY, "serial", device="/dev/ttyS0", baud=9600),),
-        "the serial port /dev/ttyS0 is not declared",
+        "the serial port /dev/ttyS0 is not in the inventory",
     ),
-    "a UDP port": ((Listen("it", Place.GATEWAY, "udp", port=53),), "the UDP port 53 is not declared"),
+    "a UDP port": ((Listen("it", Place.GATEWAY, "udp", port=53),), "the UDP port 53 is not in the inventory"),
     "a message to strangers": (
         (message("8.8.8.8"),),
-        "8.8.8.8, UDP port 6862, is no gateway or control centre in the VPN",
+        "8.8.8.8, UDP port 6862, is not a gateway or control centre in the VPN",
     ),
     "a message to another program": (
         (message(port=53),),
-        "10.80.0.2, UDP port 53, is no gateway or control centre in the VPN",
+        "10.80.0.2, UDP port 53, is not a gateway or control centre in the VPN",
     ),
     "many messages": ((message(count=100),), "it would send too much"),
-    "two of one name": ((DISCOVER, replace(HERE, name="run")), "two questions are called `run`"),
+    "two of one name": ((DISCOVER, replace(HERE, name="run")), "two requests have the name `run`"),
 }
 
 
@@ -339,7 +341,7 @@ def test_forbidden_request_is_refused_before_sending(tmp_path: Path, case: str) 
     questions, why = UNFIT[case]
     ears = Ears()
     bad, good = examined([entry("bad", Fake((OF_ROUTER, *questions))), entry("good", Fake((HERE,)))], ears, tmp_path)
-    assert (bad.verdict, bad.message) == (Verdict.ERROR, f"this probe asks what it may not: {why}")
+    assert (bad.verdict, bad.message) == (Verdict.ERROR, f"this probe requests what is not allowed: {why}")
     assert [one.code for one in bad.findings] == ["not-allowed"]
     assert ears.asked == [(Place.LAPTOP, None, ["coastal/site/good#here"])]
     assert good.verdict is Verdict.PASS

@@ -95,8 +95,8 @@ def test_all_requests_go_in_one_command(stand: Stand) -> None:
     assert found["tcp"].trouble is probes.Trouble.REFUSED
     assert dict(stand.told) == found
     assert [(one.device, one.stage.value, one.message) for one in stand.events] == [
-        ("coastal: gateway", "connecting", "3 questions, which only read"),
-        ("coastal: gateway", "done", "3 of 3 questions were asked"),
+        ("coastal: gateway", "connecting", "3 read-only requests"),
+        ("coastal: gateway", "done", "3 of 3 requests were sent"),
     ]
 
 
@@ -130,12 +130,12 @@ def test_program_fault_is_raised_after_the_results(stand: Stand) -> None:
 
 
 AWAY = "coastal-gateway was not reached: "
-BRING = "bring your key there: `ssh-copy-id coastal-gateway`"
-LOOK = "look at its power and its cable, then type the same again"
+BRING = "install your key there: `ssh-copy-id coastal-gateway`"
+LOOK = "check its power and its cable, then run the same command again"
 NOBODY: Mapping[str, tuple[str, str]] = {
     "another host key": (
         "echo 'Host key verification failed.' >&2; exit 255",
-        f"{AWAY}its SSH host key is not the declared one, or is not known here, so nothing was told to it; {TRUST}",
+        f"{AWAY}its SSH host key differs from the inventory, or is unknown here, so nothing was sent to it; {TRUST}",
     ),
     "no way": (
         "echo 'ssh: connect to host 10.64.1.10 port 22: No route to host' >&2; exit 255",
@@ -146,12 +146,12 @@ NOBODY: Mapping[str, tuple[str, str]] = {
         f"{AWAY}root@10.64.1.10: Permission denied (publickey,password).; {BRING}",
     ),
     "not a word": ("exit 255", f"{AWAY}ssh said nothing; {LOOK}"),
-    "no Python": ("exit 127", "coastal-gateway has no python3; on it: `apt-get install python3`"),
+    "no Python": ("exit 127", "coastal-gateway has no python3; there: `apt-get install python3`"),
     "a Python of long ago": (
         "cat >/dev/null; echo 'SyntaxError: future feature annotations is not defined' >&2; exit 1",
-        "the program that listens has ended on coastal-gateway: SyntaxError: future feature annotations is not defined",
+        "the listener program exited on coastal-gateway: SyntaxError: future feature annotations is not defined",
     ),
-    "an end without a word": ("exit 3", "the program that listens has ended on coastal-gateway: exit 3"),
+    "an end without output": ("exit 3", "the listener program exited on coastal-gateway: exit 3"),
 }
 
 
@@ -164,7 +164,7 @@ def test_unreachable_gateway_is_reported_for_every_request(stand: Stand, case: s
         "one": (probes.Trouble.NO_PLACE, words),
         "two": (probes.Trouble.NO_PLACE, words),
     }
-    assert stand.events[-1].message == "0 of 2 questions were asked"
+    assert stand.events[-1].message == "0 of 2 requests were sent"
 
 
 def test_hanging_connection_times_out_with_partial_results(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,7 +177,7 @@ def test_hanging_connection_times_out_with_partial_results(stand: Stand, monkeyp
     assert found["one"].out == "early"
     assert (found["two"].trouble, found["two"].words.partition(";")[0]) == (
         probes.Trouble.NO_PLACE,
-        "coastal-gateway did not answer in time",
+        "coastal-gateway did not respond in time",
     )
 
 
@@ -208,7 +208,7 @@ def test_slow_link_has_longer_timeouts() -> None:
 
 
 def test_example_values_and_unemulated_gateway_are_unreachable(tmp_path: Path) -> None:
-    with pytest.raises(GatewayUnreachable, match="the inventory still holds example values"):
+    with pytest.raises(GatewayUnreachable, match="the inventory still contains example values"):
         way_in(SHIPPED, GATEWAY, Request())
     with pytest.raises(GatewayUnreachable, match="coastal-gateway is not emulated in this rehearsal"):
         way_in(SHIPPED, GATEWAY, Request(rehearsed=True))
@@ -218,7 +218,7 @@ def test_example_values_and_unemulated_gateway_are_unreachable(tmp_path: Path) -
     for place, host in ((probes.Place.ROUTER, None), (probes.Place.ROUTER, "coastal-router")):
         found = asyncio.run(ears.ask(place, host, [("it", probes.LinkStatusRequest("it", "satellite"))], print))["it"]
         assert found.trouble is probes.Trouble.NO_PLACE
-        assert found.words.startswith("the inventory still holds example values")
+        assert found.words.startswith("the inventory still contains example values")
 
 
 def test_nothing_is_sent_over_a_metered_link_without_consent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,8 +234,8 @@ def test_nothing_is_sent_over_a_metered_link_without_consent(tmp_path: Path, mon
         else:
             assert found.trouble is probes.Trouble.NO_PLACE
             assert found.words.startswith(
-                "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal, which is paid by "
-                "the byte: up to 20 kB, 0.16 EUR; type the same with `--accept-cost`"
+                "the cost was not accepted, so nothing was sent: over metered link satellite of coastal: up to 20 "
+                "kB, 0.16 EUR; type the same with `--accept-cost`"
             )
 
 
@@ -280,7 +280,7 @@ def test_program_that_cannot_start_here_is_reported(monkeypatch: pytest.MonkeyPa
         "one"
     ]
     assert found.trouble is probes.Trouble.NO_PLACE
-    assert found.words.startswith("the program that listens does not start on this computer: ")
+    assert found.words.startswith("the listener program did not start on this computer: ")
 
 
 def test_links_are_inspected_once_for_all_requests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -339,7 +339,7 @@ def test_allow_list_test_needs_consent_to_its_cost(
         assert found.bill == "9.0 kB, 0.08 EUR"
     else:
         assert found.trouble is probes.Trouble.NO_PLACE
-        assert found.words.startswith("nobody has agreed to pay for this, so nothing was sent: over satellite")
+        assert found.words.startswith("the cost was not accepted, so nothing was sent: over satellite")
 
 
 def test_python3_is_in_the_path() -> None:

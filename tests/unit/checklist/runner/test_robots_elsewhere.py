@@ -49,7 +49,7 @@ def test_metered_link_is_not_crossed_without_consent(
     monkeypatch.setattr(listening_cost, "listening_cost", lambda *_: cost)
     refusal = ask(Request())
     assert (refusal.trouble, places) == (Trouble.NO_PLACE, [])
-    assert "nobody has agreed to pay for this" in refusal.words
+    assert "the cost was not accepted" in refusal.words
     answer = ask(Request(accept_cost=True))
     assert (answer.trouble, places) == (None, [("scc-control", 20.0, ["te4sea"])])
 

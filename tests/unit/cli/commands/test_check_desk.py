@@ -30,7 +30,7 @@ def test_whole_checklist_with_a_person(tmp_path: Path) -> None:
     sitting = Sitting(
         tmp_path,
         ["yes", "green for a minute", "A. Technician", str(photo), "", "yes"],
-        words={"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]},
+        words={"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS responses"]},
     )
     assert verdicts(sitting) == {"sparus/wifi": "PASS", "sparus/gps": "PASS", "sparus/usbl/ping": "PASS"}
     assert sitting.text == WHOLE.replace("PHOTO", str(photo)).replace("EMPTY", " ")
@@ -64,31 +64,31 @@ QUAY
 sparus/gps: title of sparus/gps
   do        look at the lamp
   look for  it is green
-(item 2 of 3) Does it hold? [yes, but, no, unclear, skip, back, later] yes
+(item 2 of 3) Is it so? [yes, but, no, unclear, skip, back, later] yes
 (item 2 of 3) Note (may be empty): green for a minute
-(item 2 of 3) Your name, as it shall stand in the report: A. Technician
-(item 2 of 3) Photo or file that shows it (a path; empty: none or no more): PHOTO
+(item 2 of 3) Your name, as it should appear in the report: A. Technician
+(item 2 of 3) Photo or file as evidence (a path; empty: none or no more): PHOTO
 (item 2 of 3) Photo or file that shows it (a path; empty: none or no more):EMPTY
-  PASS         sparus/gps: A. Technician has seen that it is well: green for a
+  PASS         sparus/gps: A. Technician has seen that it is in order: green for a
                minute
 
 IN WATER
 
 sparus/usbl/ping: title of sparus/usbl/ping
-  It is done only on your word: Sparus is in the water, and nobody dives near
+  This step needs your consent: Sparus is in the water, and nobody dives near
   it.
-(item 3 of 3) Is that so, and shall it be done now?
-  Type yes to go on (the whole word), or no: yes
+(item 3 of 3) Is that so, and do you want to start it now?
+  Type yes (the whole word) to continue, or no: yes
   Now: hold the boat still.
-  PASS         sparus/usbl/ping: answers"""[1:]
+  PASS         sparus/usbl/ping: responses"""[1:]
 
 
 @pytest.mark.parametrize(
     ("word", "verdict", "question"),
     [
-        ("but", "WARN", "It holds, but:"),
+        ("but", "WARN", "Confirmed, but:"),
         ("no", "FAIL", "What was seen instead:"),
-        ("unclear", "INCONCLUSIVE", "Why nobody can tell:"),
+        ("unclear", "INCONCLUSIVE", "Why it cannot be determined:"),
         ("skip", "SKIP", "Why it does not apply here:"),
     ],
 )
@@ -98,7 +98,7 @@ def test_answers_other_than_yes_need_a_note(word: str, verdict: str, question: s
     sitting = Sitting(tmp_path, [word, *sure, "", "it is dark", "N", "", *more], entries=(LAMP,))
     assert verdicts(sitting) == {"sparus/gps": verdict}
     asked = f"(item 1 of 1) {question}"
-    assert f"{asked} \n  something has to stand here; `later` leaves it open\n{asked} it is dark" in sitting.text
+    assert f"{asked} \n  an entry is required; `later` leaves the item open\n{asked} it is dark" in sitting.text
 
 
 def test_required_photo_is_requested_until_given(tmp_path: Path) -> None:
@@ -110,10 +110,10 @@ def test_required_photo_is_requested_until_given(tmp_path: Path) -> None:
     typed = ["yes", "", "N", "", str(notes), str(tmp_path / "absent.png"), str(photo), ""]
     sitting = Sitting(tmp_path, typed, (replace(LAMP, step=step),))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
-    assert sitting.text.count("Does it hold?") == 1
-    assert sitting.text.count("Photo that shows it (a path of a JPEG or PNG):") == 4
+    assert sitting.text.count("Is it so?") == 1
+    assert sitting.text.count("Photo as evidence (path of a JPEG or PNG):") == 4
     assert "empty: none" not in sitting.text
-    refused = "a photo is asked for: give the path of a JPEG or PNG; `later` leaves it open"
+    refused = "a photo is required: give the path of a JPEG or PNG; `later` leaves the item open"
     assert " ".join(sitting.text.split()).count(refused) == 3
 
 
@@ -127,7 +127,7 @@ def test_required_photo_is_not_requested_for_a_failure(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kept", range(5))
 def test_later_at_any_prompt_leaves_the_rest_open(kept: int, tmp_path: Path) -> None:
     typed = ["yes", "", "N", "", "yes"]
-    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
+    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS responses"]}
     sitting = Sitting(tmp_path, [*typed[:kept], "later"], words=words)
     with pytest.raises(PromptAbort):
         sitting.sit()
@@ -198,9 +198,9 @@ def test_cost_needs_separate_consent(tmp_path: Path) -> None:
     price = Price("over satellite: 20 kB, about 0.16 EUR", due=True)
     sitting = Sitting(tmp_path, ["yes", "yes", "no", "open"], (PING,), price=lambda _entry: price)
     assert [item.open for item in sitting.sit()] == [True]
-    asked = "(item 1 of 1) Pay for it? Type pay to go on (the whole word), or no: "
-    assert f"  This goes over satellite: 20 kB, about 0.16 EUR\n{asked}yes" in sitting.text
-    words = {"sparus/usbl/ping": ["PASS answers"]}
+    asked = "(item 1 of 1) Accept the cost? Type pay (the whole word) to continue, or no: "
+    assert f"  Traffic: over satellite: 20 kB, about 0.16 EUR\n{asked}yes" in sitting.text
+    words = {"sparus/usbl/ping": ["PASS responses"]}
     paid = Sitting(tmp_path, ["yes", "pay", "N"], (PING,), words, price=lambda _entry: price)
     assert verdicts(paid) == {"sparus/usbl/ping": "PASS"}
 
@@ -219,8 +219,8 @@ def test_missing_or_empty_file_is_requested_again(tmp_path: Path) -> None:
     typed = ["yes", "", "N", "nowhere.jpg", str(tmp_path / "empty.jpg"), "", "yes", "", ""]
     sitting = Sitting(tmp_path, typed, (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
-    assert "  there is no file nowhere.jpg" in sitting.text
-    assert "empty.jpg` is empty: give a file with something in it" in sitting.words_said
+    assert "  no such file: nowhere.jpg" in sitting.text
+    assert "empty.jpg` is empty: use a file that is not empty" in sitting.words_said
 
 
 def test_choices_match_by_prefix_and_suggest_corrections() -> None:
@@ -238,7 +238,7 @@ def test_choices_match_by_prefix_and_suggest_corrections() -> None:
 def test_name_is_requested_until_valid_and_then_remembered(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["yes", "", "N" * 101, "a\x1b[2J", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
-    assert sitting.text.count("  a name is too long, or holds control characters: ") == 2
+    assert sitting.text.count("  a name is too long, or contains control characters: ") == 2
     assert sitting.desk.name == "N"
 
 
@@ -266,7 +266,7 @@ def records(sitting: Sitting) -> list[tuple[str, str, bool]]:
 
 def test_back_corrects_an_answer_and_both_are_kept(tmp_path: Path) -> None:
     typed = ["yes", "green", "N", "", "back", "again", "unclear", "fog", "", "on", "yes"]
-    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
+    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS responses"]}
     sitting = Sitting(tmp_path, typed, words=words)
     assert verdicts(sitting) == {"sparus/wifi": "PASS", "sparus/gps": "INCONCLUSIVE", "sparus/usbl/ping": "PASS"}
     assert records(sitting) == [
@@ -287,7 +287,7 @@ def test_back_within_an_item_restarts_it(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["but", "back", "yes", "", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
     assert len(records(sitting)) == 1
-    assert sitting.text.count("Does it hold?") == 2
+    assert sitting.text.count("Is it so?") == 2
 
 
 def test_back_at_the_first_prompt_is_explained(tmp_path: Path) -> None:
@@ -316,7 +316,7 @@ def test_back_between_phases_returns_to_the_previous_item(tmp_path: Path) -> Non
 def test_no_must_be_confirmed(slip: str, tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["no", slip, "yes", "", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
-    assert "(item 1 of 1) You answered no: FAIL is kept. Is that right? [yes, no]" in sitting.text
+    assert "(item 1 of 1) You answered no: FAIL will be recorded. Is that right? [yes, no]" in sitting.text
     assert records(sitting) == [("confirmed", "PASS", False)]
 
 
@@ -326,7 +326,7 @@ def test_no_must_be_confirmed(slip: str, tmp_path: Path) -> None:
         ("photos/lamp.jpg", "a file"),
         ("lamp.JPG", "a file"),
         ("--rehearse", "a flag"),
-        ("site=coastal", "a word of the command"),
+        ("site=coastal", "` looks like an argument. Is it your name?"),
         ("Yes", "an answer to another question"),
     ],
 )
@@ -349,7 +349,8 @@ def test_long_choices_are_shown_below_the_prompt(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["on"], (RADIO,), {"sparus/wifi": ["FAIL silent"]})
     sitting.sit()
     asked = (
-        "(item 1 of 1) Look `again`, `override` it on your word, or go `on`?\n  [again, override, on, back, later] on"
+        "(item 1 of 1) Check again (`again`), override it (`override`), or continue (`on`)?\n  [again, override, "
+        "on, back, later] on"
     )
     assert asked in sitting.text
     assert max(map(len, sitting.text.splitlines())) <= 80
@@ -359,7 +360,7 @@ def test_both_languages_are_accepted_in_portuguese(tmp_path: Path) -> None:
     language.use(language.Language.PORTUGUESE)
     try:
         sitting = Sitting(tmp_path, ["não", "s", "escuro", "N", "", "repetir", "sim", "", "", "Sim"], (LAMP, PING))
-        sitting.words = {"sparus/usbl/ping": ["PASS answers"]}
+        sitting.words = {"sparus/usbl/ping": ["PASS responses"]}
         sitting.ears.words = sitting.words
         assert verdicts(sitting) == {"sparus/gps": "PASS", "sparus/usbl/ping": "PASS"}
     finally:

@@ -13,7 +13,7 @@ from atlantis_netcfg.cli.checklist.check_run import greet
 from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAbort
 from atlantis_netcfg.links.cost import CostRefusal
 
-WORDS = {"sparus/wifi": ["FAIL silent", "FAIL silent"], "sparus/usbl/ping": ["PASS answers"]}
+WORDS = {"sparus/wifi": ["FAIL silent", "FAIL silent"], "sparus/usbl/ping": ["PASS responses"]}
 VALUES = """
 sparus wifi gps usbl ping FAIL PASS WARN INCONCLUSIVE SKIP
 yes no but unclear skip back later again override on open seen pay y
@@ -61,7 +61,7 @@ def test_stored_answers_are_not_translated(tmp_path: Path, monkeypatch: pytest.M
         sitting.sit()
     (log,) = tmp_path.rglob("records.jsonl")
     assert "«" not in log.read_text(encoding="utf-8")
-    assert "N has seen that it is well: green" in log.read_text(encoding="utf-8")
+    assert "N has seen that it is in order: green" in log.read_text(encoding="utf-8")
 
 
 def test_longer_translations_fit_the_screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

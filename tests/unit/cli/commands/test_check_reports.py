@@ -91,17 +91,19 @@ def test_single_report_file_is_verified(state: Path, tmp_path: Path, capsys: pyt
     assert capsys.readouterr().out.startswith("report.json: as A. Technician signed it")
     key = json.loads(report.read_bytes())["signed"]["key"]
     (row,) = told(capsys, "verify", "file=report.json", "key=SHA256:other", code=6)["verified"]
-    assert [one["what"] for one in row["troubles"]] == [f"the key {key} has signed it, and another one was asked for"]
+    assert [one["what"] for one in row["troubles"]] == [f"it is signed with key {key}, but another key was requested"]
     (state / "checklist.key").unlink()
     (row,) = told(capsys, "verify", "file=report.json", code=6)["verified"]
-    assert [one["what"] for one in row["troubles"]] == [f"this computer does not know the key {key} that has signed it"]
+    assert [one["what"] for one in row["troubles"]] == [
+        f"it is signed with key {key}, which is unknown on this computer"
+    ]
     told(capsys, "verify", "file=report.json", f"key=SHA256:other,{key}", code=0)
     _change(report)
     (row,) = told(capsys, "verify", "file=report.json", f"key={key}", code=6)["verified"]
     assert row["troubles"][0]["what"] == "was changed after it was signed"
     report.write_text("no report\n")
     (row,) = told(capsys, "verify", "file=report.json", code=6)["verified"]
-    assert (row["signed"], row["troubles"][0]["what"]) == (None, "is no report of a checklist, or is damaged")
+    assert (row["signed"], row["troubles"][0]["what"]) == (None, "is not a checklist report, or is damaged")
 
 
 def test_open_checklist_was_not_signed(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -120,7 +122,7 @@ def test_history_shows_changes_since_green(state: Path, capsys: pytest.CaptureFi
     assert main(["report", "checklists", "site=coastal", "vehicle=sparus"]) == 0
     assert capsys.readouterr().out == HISTORY
     assert main(["report", "checklists", "site=coastal", "vehicle=stork"]) == 7
-    assert "no checklist of `coastal` has looked at `stork`" in capsys.readouterr().err
+    assert "no checklist of `coastal` includes `stork`" in capsys.readouterr().err
     since = told(capsys, "checklists", "site=coastal", code=0)["since_green"]
     assert [(one["id"], one["before"], one["after"]) for one in since["changes"]] == [("sparus/wifi", "PASS", "FAIL")]
 
@@ -130,7 +132,7 @@ HISTORY = """\
   signed by A. Technician, 2026-05-04 12:00 UTC
 20260504T120000Z-02  not passed (FAIL, 1 items)
   signed by A. Technician, 2026-05-04 12:00 UTC
-since 20260504T120000Z, which was green:
+since 20260504T120000Z, which passed:
   sparus/wifi: PASS -> FAIL: hears nobody
 """
 
@@ -152,6 +154,6 @@ def test_rehearsed_checklists_are_separate(state: Path, capsys: pytest.CaptureFi
     signed(state, real=False)
     for command in ("checklists", "show"):
         assert main(["report", command, "site=coastal"]) == 7
-        assert "add --rehearse for rehearsed ones" in capsys.readouterr().err
+        assert "add --rehearse to see rehearsed ones" in capsys.readouterr().err
         assert main(["report", command, "site=coastal", "--rehearse"]) == 0
         capsys.readouterr()

@@ -130,11 +130,11 @@ def test_without_a_terminal_the_next_steps_are_shown(capsys: pytest.CaptureFixtu
     (folder,) = (tmp_path / "state" / "rehearsal" / "coastal" / "checks").glob("2*")
     last = said.out.splitlines()[-7:]
     assert last == [
-        "? INCONCLUSIVE: The checklist has not passed, for vehicle=eca-rov alone",
+        "? INCONCLUSIVE: The checklist has not passed, for vehicle=eca-rov only",
         "1 INCONCLUSIVE, 1 OPEN; exit 6; rehearsed",
-        "eca-rov/ethernet: the gateway could not be asked: nobody is there",
-        "  -> make the gateway reachable first, then ask again",
-        "NOT SIGNED: 1 item is open. To go on and to sign, type on a terminal:",
+        "eca-rov/ethernet: the gateway could not be queried: nobody is there",
+        "  -> make the gateway reachable, then check again",
+        "NOT SIGNED: 1 item is open. To continue and sign, run on a terminal:",
         f"  provision check {' '.join(ROV)}",
         f"report: {folder}/report.html",
     ]
@@ -157,7 +157,7 @@ def test_answers_file_leads_to_a_signature(capsys: pytest.CaptureFixture[str], t
 def test_invalid_answers_file_starts_nothing(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "answers.yml").write_text(ANSWERS.replace("eca-rov/usbl", "eca-rov/usb"))
     assert main(["check", *ROV, "--answers", "answers.yml"]) == 3
-    assert "answers.yml:3:3: there is no item `eca-rov/usb` in this checklist" in capsys.readouterr().err
+    assert "answers.yml:3:3: this checklist has no item `eca-rov/usb`" in capsys.readouterr().err
     assert not list((tmp_path / "state").rglob("records.jsonl"))
 
 
@@ -172,8 +172,8 @@ def test_checklist_with_open_items_is_not_signed(capsys: pytest.CaptureFixture[s
 def test_person_completes_the_checklist_and_signs(capsys: pytest.CaptureFixture[str]) -> None:
     code, said = at_desk("override", "spare cable", "N", "yes", "heard", "", "yes")
     assert code == 0
-    assert "0 of 2 items are settled, 2 are open." in said
-    assert "Nothing is open. Sign it as it stands?\n  Type yes to go on (the whole word), or no: " in said
+    assert "0 of 2 items are complete, 2 are open." in said
+    assert "No item is open. Sign the checklist as it is?\n  Type yes (the whole word) to continue, or no: " in said
     out = capsys.readouterr().out
     assert "Signed by N" in out
     assert "Checklist of coastal" in said
@@ -192,10 +192,10 @@ def test_checklist_is_left_for_later_and_resumed(capsys: pytest.CaptureFixture[s
     assert (code, said.endswith("left for later")) == (6, True)
     assert "NOT SIGNED" in capsys.readouterr().out
     code, said = at_desk("yes", "", "N", "", "no")
-    assert "1 of 2 items are settled, 1 are open." in said
+    assert "1 of 2 items are complete, 1 are open." in said
     assert code == 0, "all is green, and nobody has signed"
     code, said = at_desk("later", words=[*ROV, "--anew"])
-    assert (code, "0 of 2 items are settled, 2 are open." in said) == (6, True)
+    assert (code, "0 of 2 items are complete, 2 are open." in said) == (6, True)
 
 
 @pytest.mark.usefixtures("ears")
@@ -212,7 +212,7 @@ def test_checklist_is_resumed_after_ctrl_c(kept: int) -> None:
         at_desk(*typed[:kept], "^C")
     assert (stopped.value.exit, str(stopped.value)) == (
         4,
-        "stopped by Ctrl-C; what was found and answered until then is kept",
+        "interrupted by Ctrl-C; results and responses so far are saved",
     )
     rest = ["yes", "N"] if kept == 6 else ["yes", "heard", "N", "", "yes"] if kept > 2 else typed
     code, said = at_desk(*rest)

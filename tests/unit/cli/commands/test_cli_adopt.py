@@ -14,14 +14,14 @@ SITE = ("device", "adopt", "site=scc", "device=scc-router")
 @pytest.mark.parametrize(
     ("typed", "code", "said"),
     [
-        ((*SITE, "--rehearse", "via=telnet"), 3, "`via=telnet` is no way to a router"),
-        ((*SITE, "--rehearse", "via=serial:"), 3, "`via=serial:` is no way to a router"),
-        ((*SITE, "--rehearse", "wait=soon"), 3, "`wait=soon` is no number of seconds"),
-        (SITE, 3, "the inventory still holds example values"),
+        ((*SITE, "--rehearse", "via=telnet"), 3, "`via=telnet` is not a valid way to reach a router"),
+        ((*SITE, "--rehearse", "via=serial:"), 3, "`via=serial:` is not a valid way to reach a router"),
+        ((*SITE, "--rehearse", "wait=soon"), 3, "`wait=soon` is not a number of seconds"),
+        (SITE, 3, "the inventory still contains example values"),
         (
             ("device", "adopt", "site=scc", "device=scc-vpn", "--rehearse"),
             7,
-            "scc-vpn is a vpn server: only RouterOS devices are adopted",
+            "scc-vpn is a vpn server: only RouterOS devices can be adopted",
         ),
         (("device", "adopt", "site=scc", "device=scc-rooter", "--rehearse"), 7, "scc-rooter"),
     ],
@@ -38,7 +38,7 @@ def test_password_file_must_be_private(tmp_path: Path) -> None:
     file = tmp_path / "sticker.txt"
     file.write_text("5TICKER \n")
     file.chmod(0o644)
-    with pytest.raises(UsageError, match="others may read the password file") as refused:
+    with pytest.raises(UsageError, match="other users can read the password file") as refused:
         _read_secret_file(file)
     assert refused.value.hint == f"type `chmod 600 {file}`"
     file.chmod(0o600)
@@ -47,5 +47,5 @@ def test_password_file_must_be_private(tmp_path: Path) -> None:
 
 
 def test_missing_password_file_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="the password file cannot be read"):
+    with pytest.raises(UsageError, match="cannot read the password file"):
         _read_secret_file(tmp_path / "sticker.txt")

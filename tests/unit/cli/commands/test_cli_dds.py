@@ -21,7 +21,7 @@ def test_second_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert len(first) == 9
     assert capsys.readouterr().out.count("  written    ") == 9
     assert main(typed) == ExitCode.DONE
-    assert capsys.readouterr().out.count("  already so ") == 9
+    assert capsys.readouterr().out.count("  unchanged ") == 9
     assert {path: (path.read_bytes(), path.stat().st_ino) for path in (tmp_path / "profiles").rglob("*.*")} == first
 
 
@@ -71,5 +71,5 @@ def test_missing_dds_settings_are_reported(tmp_path: Path, capsys: pytest.Captur
     vehicles.write_text(re.sub(r"\n    telemetry:.*(\n      - .*)+", "", vehicles.read_text()))
     assert main([*LINE[:4], f"inventory={tmp_path / 'inventory'}"]) == ExitCode.USAGE
     assert capsys.readouterr().err == (
-        "error: the pilot declares no DDS\n       write `dds: {distribution: foxy}` below `pilot:`\n"
+        "error: the pilot has no DDS settings\n       write `dds: {distribution: foxy}` below `pilot:`\n"
     )

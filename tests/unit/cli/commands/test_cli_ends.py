@@ -41,7 +41,7 @@ def test_exit_code_is_that_of_the_command(code: ExitCode, monkeypatch: pytest.Mo
 def test_expected_error_is_shown_with_its_hint(
     error: type[UsageError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = Table(monkeypatch, raising(error("the router is gone", hint="look at its cable")))
+    table = Table(monkeypatch, raising(error("the router is gone", hint="then check its cable")))
     assert main(LINE, table=table) == error.exit
     assert capsys.readouterr() == ("", "error: the router is gone\n       look at its cable\n")
 
@@ -92,7 +92,7 @@ def test_ctrl_c_is_reported(
     line: list[str], code: ExitCode, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(line, table=Table(monkeypatch, raising(KeyboardInterrupt()))) == code
-    assert capsys.readouterr().err.startswith("error: stopped by Ctrl-C")
+    assert capsys.readouterr().err.startswith("error: interrupted by Ctrl-C")
 
 
 def test_signal_during_an_import_is_deferred(
@@ -109,7 +109,7 @@ def test_signal_during_an_import_is_deferred(
         return ExitCode.DONE
 
     assert main(LINE, table=Table(monkeypatch, act)) == ExitCode.UNKNOWN
-    assert capsys.readouterr().err.startswith("error: stopped by SIGTERM")
+    assert capsys.readouterr().err.startswith("error: interrupted by SIGTERM")
 
 
 def test_empty_command_line_shows_the_help(capsys: pytest.CaptureFixture[str]) -> None:
@@ -161,8 +161,8 @@ def test_progress_goes_to_the_current_stderr(monkeypatch: pytest.MonkeyPatch) ->
     instead = io.StringIO()
     monkeypatch.setattr("sys.stderr", instead)
     with progress(quiet=False) as notify:
-        notify(Event("quay", Stage.DONE, "as declared"))
-    assert instead.getvalue() == "  quay               done  as declared\n"
+        notify(Event("quay", Stage.DONE, "as in the inventory"))
+    assert instead.getvalue() == "  quay               done  as in the inventory\n"
 
 
 def test_log_reports_what_it_is_waiting_for() -> None:
@@ -176,13 +176,13 @@ def test_log_reports_what_it_is_waiting_for() -> None:
 
     log = Log()
     with progress(quiet=False, out=log, silence_s=0.01) as notify:
-        notify(Event("quay", Stage.DONE, "as declared"))
+        notify(Event("quay", Stage.DONE, "as in the inventory"))
         for name in ("mast", "buoy", "boat", "pier"):
             notify(Event(name, Stage.CONNECTING, ""))
         reminded.clear()
         assert reminded.wait(HANG_S)
     assert log.getvalue().splitlines()[-1] == (
-        "  still at work, 0 s without news: mast (connecting), buoy (connecting), boat (connecting), 1 more"
+        "  still running, no news for 0 s: mast (connecting), buoy (connecting), boat (connecting), 1 more"
     )
 
 
@@ -193,8 +193,8 @@ def test_reminder_shows_time_limits() -> None:
         (Event("buoy", Stage.CONNECTING, "", limit_s=15), 1.0),
     ]
     assert _reminder(at_work, 40.0) == (
-        "  still at work, 40 s without news: quay (connecting, 40 s of at most 120 s), mast (applying, 7 s), "
-        "buoy (connecting)"
+        "  still running, no news for 40 s: quay (connecting, 40 s of at most 120 s), mast (applying, 7 s), buoy "
+        "(connecting)"
     )
 
 
@@ -243,6 +243,6 @@ def test_silence_flag_without_root_is_refused_before_contact(
     monkeypatch.setattr("atlantis_netcfg.routeros.api.may_cut_off", lambda: False)
     assert main(["device", "verify", "device=coastal-router", "--silence"]) == ExitCode.USAGE
     assert capsys.readouterr().err.splitlines() == [
-        "error: `--silence`: this computer lets only root make a connection fall silent; no device was contacted",
-        "       type the same with `sudo`, or without `--silence`",
+        "error: `--silence`: on this computer only root can block a connection; no device was contacted",
+        "       run the same command with `sudo`, or without `--silence`",
     ]

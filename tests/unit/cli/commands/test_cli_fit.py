@@ -43,12 +43,12 @@ def test_lines_fit_a_narrow_terminal(inventory: Path, capsys: pytest.CaptureFixt
     assert main(line(inventory)) == ExitCode.CHECKS_FAILED
     shown = capsys.readouterr().out.splitlines()
     assert [words for words in shown if len(words) > 80 and "/a/long/name" not in words] == []
-    assert [words for words in shown if words.endswith((": fits", ": fits when thinned"))] == [
+    assert [words for words in shown if words.endswith((": fits", ": fits at reduced rates"))] == [
         "wifi-ptp  INCONCLUSIVE: fits",
         "4g  INCONCLUSIVE: fits",
-        "satellite  FAIL: fits when thinned",
+        "satellite  FAIL: fits at reduced rates",
     ]
-    assert "  thin /sonar: 0.5 Hz -> 0.1 Hz" in shown
+    assert "  reduce /sonar: 0.5 Hz -> 0.1 Hz" in shown
     assert not any("-> 2 Hz" in words for words in shown)
 
 
@@ -57,7 +57,7 @@ def test_json_has_the_same_values(inventory: Path, capsys: pytest.CaptureFixture
     told = json.loads(capsys.readouterr().out)
     assert (told["exit"], told["errors"], told["vehicle"], told["subscribers"]) == (6, [], "sparus", 1)
     (link,) = told["links"]
-    assert (link["verdict"], link["word"]) == ("FAIL", "fits when thinned")
+    assert (link["verdict"], link["word"]) == ("FAIL", "fits at reduced rates")
     assert link["capacity"]["source"] == "declared"
     pose, status, _camera, sonar = link["topics"]
     assert (pose["message_bytes_down"], pose["message_loss"]) == (0.0, None)
@@ -88,7 +88,7 @@ def test_unknown_names_are_refused(
 
 def test_vehicle_without_topics_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(line(SHIPPED)) == ExitCode.NOTHING
-    assert "declare its topics in group_vars/all/vehicles.yml" in capsys.readouterr().err
+    assert "set its topics in group_vars/all/vehicles.yml in the inventory" in capsys.readouterr().err
 
 
 def test_validate_warns_of_rates_that_fit_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -96,11 +96,8 @@ def test_validate_warns_of_rates_that_fit_no_link(tmp_path: Path, capsys: pytest
     own = publishing(tmp_path, "{topic: /video, data: images, rate_hz: 5, size_bytes: 1500000, least_hz: 4}")
     assert main(["inventory", "validate", f"inventory={own}"]) == ExitCode.DONE
     shown = capsys.readouterr().out
-    assert (
-        "no link of coastal that DDS may cross carries what `sparus` publishes, also at the lowest useful rates"
-        in shown
-    )
-    hint = "`provision measure fit site={} vehicle={}` says how much, and what would fit"
+    assert "no DDS link of coastal carries what `sparus` publishes, even at the lowest useful rates" in shown
+    hint = "`provision measure fit site={} vehicle={}` shows details, and what would fit"
     (words,) = advised(said(shown.partition("any link of te4sea")[0], hint))
     assert main([*words, f"inventory={own}"]) == ExitCode.CHECKS_FAILED
     told = capsys.readouterr().out

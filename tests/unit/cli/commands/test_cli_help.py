@@ -130,10 +130,10 @@ Arguments:
 Options:
   --plan         stop after planning
   --keep DIR     keep the run there
-  --json         print one JSON object instead of text, on errors as well
-  -v, --verbose  say more about each step
-  --lang en|pt   the language of what is printed; else that of LANG
-  -h, --help     print this text
+  --json         print one JSON object instead of text, also on errors
+  -v, --verbose  show details of each step
+  --lang en|pt   output language (default: from LANG)
+  -h, --help     show this help
 
 Nothing is changed with --plan.
 """

@@ -34,7 +34,7 @@ def test_example_values_are_refused_before_contact(
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     assert main(["report", "as-built", "site=coastal"]) == ExitCode.USAGE
-    assert "only a rehearsal may use them" in capsys.readouterr().err
+    assert "it is for rehearsals only" in capsys.readouterr().err
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 

@@ -21,7 +21,7 @@ def test_profile_without_rehearsal_is_refused(
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
     assert main(["links", "site=coastal", "--profile", "satellite-1"]) == ExitCode.USAGE
-    assert "`--profile` is for rehearsals" in capsys.readouterr().err
+    assert "`--profile` applies to rehearsals only" in capsys.readouterr().err
 
 
 def test_profile_of_a_missing_run_is_refused(

@@ -37,9 +37,8 @@ def test_unfinished_run_can_be_resumed_or_rolled_back(state: Path, capsys: pytes
     run = start_run(state).run
     assert main(["recover"]) == ExitCode.DONE
     assert capsys.readouterr().out == (
-        f"coastal: the run {run} is unfinished on {ROUTER}\n"
-        f"  1: provision recover resume site=coastal run={run}\n"
-        f"  2: provision recover rollback site=coastal run={run}\n"
+        f"coastal: run {run} is unfinished on {ROUTER}\n  1: provision recover resume site=coastal run={run}\n  "
+        f"2: provision recover rollback site=coastal run={run}\n"
     )
 
 
@@ -54,7 +53,7 @@ def test_run_without_a_saved_state_can_only_be_resumed(state: Path, capsys: pyte
 def test_rehearsals_are_listed_apart(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = start_run(state, is_rehearsal=True).run
     assert main(["recover"]) == ExitCode.DONE
-    assert capsys.readouterr().out == "nothing is unfinished\n"
+    assert capsys.readouterr().out == "no unfinished runs\n"
     assert main(["recover", "--rehearse"]) == ExitCode.DONE
     assert f"  2: provision recover rollback site=coastal run={run} --rehearse\n" in capsys.readouterr().out
 
@@ -65,10 +64,10 @@ def test_advised_rollback_can_be_typed(state: Path, capsys: pytest.CaptureFixtur
         journal.write(Outcome(device=ROUTER, status="changed", exit=ExitCode.DONE, message=""))
     assert main(["recover"]) == ExitCode.DONE
     said = capsys.readouterr().out
-    assert said.startswith("nothing is unfinished\n  to undo the newest run: ")
+    assert said.startswith("no unfinished runs\n  to undo the newest run: ")
     (words,) = advised(said)
     assert main(words) == ExitCode.USAGE
-    assert "only a rehearsal may use them" in capsys.readouterr().err
+    assert "it is for rehearsals only" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("answer", "code"), [("2", ExitCode.USAGE), ("", ExitCode.DONE), ("3", ExitCode.DONE)])
@@ -80,4 +79,4 @@ def test_chosen_command_is_run(
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr(builtins, "input", lambda _: answer)
     assert main(["recover"]) == code
-    assert ("only a rehearsal may use them" in capsys.readouterr().err) is (code is ExitCode.USAGE)
+    assert ("it is for rehearsals only" in capsys.readouterr().err) is (code is ExitCode.USAGE)

@@ -20,11 +20,11 @@ inventory: no errors
    13 hosts     3 router, 2 cpe, 1 vpn_server, 1 control_centre, 2 lte_router, 2 satellite_terminal, 2 gateway
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
     6 partners  inesc, iqua, eca, udg, vtt, spaceapps
-It still holds example values: only rehearsals use it (`provision site=scc --rehearse inventory=inventory`).
+Still contains example values: for rehearsals only (`provision site=scc --rehearse inventory=inventory`).
 454 values are examples: `provision inventory validate --examples inventory=inventory` lists them.
 """
 WRONG = """\
-inventory/host_vars/te4sea-router.yml:8:92: `satelite` is no bearer of `te4sea`
+inventory/host_vars/te4sea-router.yml:8:92: `satelite` is not a link of `te4sea`
   -> did you mean `satellite`?
 1 error in the inventory; no device was contacted
 """
@@ -89,7 +89,7 @@ def test_default_inventory_is_that_of_the_checkout(capsys: pytest.CaptureFixture
 
 def test_warnings_do_not_fail(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = inventory / "group_vars" / "coastal.yml"
-    budget = "      standing_budget_mb: 1\n      device: coastal-sat\n"
+    budget = "      background_budget_mb: 1\n      device: coastal-sat\n"
     path.write_text(path.read_text(encoding="utf-8").replace("      device: coastal-sat\n", budget), encoding="utf-8")
     assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out
@@ -102,7 +102,7 @@ def test_warnings_do_not_fail(inventory: Path, capsys: pytest.CaptureFixture[str
     assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out
     for link in ("4g", "satellite"):
-        assert said.count(f"no budget is declared for what goes over {link} by itself") == 2
+        assert said.count(f"no such playbook: budget for the background traffic over {link}") == 2
     assert "4 warnings in the inventory; no device was contacted" in said
 
 
@@ -128,7 +128,7 @@ def test_errors_as_json(capsys: pytest.CaptureFixture[str]) -> None:
             "file": "inventory/host_vars/te4sea-router.yml",
             "line": 8,
             "column": 92,
-            "message": "`satelite` is no bearer of `te4sea`",
+            "message": "`satelite` is not a link of `te4sea`",
             "hint": "did you mean `satellite`?",
         }
     ]

@@ -107,7 +107,7 @@ def test_end_of_input_means_no(ask: Callable[..., bool]) -> None:
 def test_prompt_says_that_the_whole_word_is_needed() -> None:
     typist = Typist("no")
     assert not whole_word("Change coastal-router?", typist.read)
-    assert typist.asked == ["Change coastal-router?\n  Type yes to go on (the whole word), or no: "]
+    assert typist.asked == ["Change coastal-router?\n  Type yes (the whole word) to continue, or no: "]
 
 
 @pytest.mark.parametrize("word", ["pay", "remove"])
@@ -139,7 +139,7 @@ def test_device_changes_need_the_whole_word(terminal: Callable[[str], None]) -> 
     require_agreement("Change it now?")
     for word in ("y", "no", "pay", ""):
         terminal(word)
-        with pytest.raises(ConsentRefusal, match="not agreed, so nothing was changed"):
+        with pytest.raises(ConsentRefusal, match="not confirmed; nothing was changed"):
             require_agreement("Change it now?")
 
 
@@ -162,7 +162,7 @@ def test_ctrl_c_at_a_prompt_changes_nothing(monkeypatch: pytest.MonkeyPatch, ter
 
     terminal("")
     monkeypatch.setattr("builtins.input", stopped)
-    with pytest.raises(ConsentRefusal, match="stopped by Ctrl-C at the question, so nothing was changed"):
+    with pytest.raises(ConsentRefusal, match="interrupted by Ctrl-C at the prompt; nothing was changed"):
         require_agreement("Change it now?")
 
 

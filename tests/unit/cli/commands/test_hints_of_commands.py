@@ -112,38 +112,38 @@ def stopped_at_the_end(at: Place) -> str:
 SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
     "a word that there is not": (
         lambda at: at.type("report", "runs", "qqq", code=3),
-        "`provision {} --help` lists what it takes",
+        "`provision {} --help` lists its arguments and options",
         0,
         "provision report runs",
     ),
     "nothing was signed": (
         lambda at: at.type("report", "verify", code=7),
-        "`provision check site=NAME` ends with a signature",
+        "`provision check site=NAME` ends with signing",
         6,
         "coastal",
     ),
     "no checklist": (
         lambda at: at.type("report", "checklists", "site=coastal", code=7),
-        "; `provision check site={}{}` begins one",
+        "; `provision check site={}{}` starts one",
         6,
         "coastal",
     ),
-    "damaged": (damaged, "look at it with `provision report verify`", 6, "NOT VERIFIED"),
+    "damaged": (damaged, "check it with `provision report verify`", 6, "NOT VERIFIED"),
     "not signed": (
         not_signed,
-        "nobody vouches for it: `provision check site={}{}` goes on with it, on the computer on which it was made",
+        "nobody has signed it: `provision check site={}{}` continues it, on the computer on which it was made",
         6,
         "coastal",
     ),
-    "nothing is left": (
+    "no item of the checklist is left": (
         lambda at: at.type("check", "site=coastal", "vehicle=stork", "endpoint=acoustic", code=7),
-        "leave out a word: `provision check site={}` lists all",
+        "remove an argument: `provision check site={}` lists all items",
         6,
         "sparus/wifi",
     ),
     "recovery with others": (
         lambda at: at.type("check", "site=coastal", "phase=quay,recovery", code=3),
-        "`provision check site={} phase=recovery` alone, when the vehicles are back",
+        "`provision check site={} phase=recovery` on its own, when the vehicles are back",
         6,
         "mares/items/rinsed",
     ),
@@ -155,23 +155,23 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
     ),
     "integration with others": (
         lambda at: at.type("check", "site=coastal", "vehicle=sparus", "phase=quay,integration", code=3),
-        "`provision check site={} vehicle={} phase=integration` alone",
+        "`provision check site={} vehicle={} phase=integration` on its own",
         6,
         "sparus/integration/discovery",
     ),
     "recovery is to come": (
         lambda at: at.type("check", "site=coastal", "endpoint=items", code=6),
         (
-            "{} still to come, in a list of its own, when the vehicles are back:"
-            " `provision check site={}{} phase=recovery`"
+            "{} still to come, in a separate checklist, when the vehicles are back: `provision check site={}{} "
+            "phase=recovery`"
         ),
         6,
         "mares/items/rinsed",
     ),
-    "no such item": (no_such_item, "`provision check site={}` shows every id", 6, "sparus/wifi"),
+    "no such item": (no_such_item, "`provision check site={}` lists all ids", 6, "sparus/wifi"),
     "stopped at the end": (
         stopped_at_the_end,
-        "`provision report runs` shows what was confirmed, and how a run that is unfinished goes on",
+        "`provision report runs` shows what was confirmed, and how to continue an unfinished run",
         0,
         "UNFINISHED, go on: `provision recover resume site=coastal run=",
     ),
@@ -186,7 +186,7 @@ def test_advised_commands_work_when_typed(name: str, at: Place) -> None:
 
 
 def test_satellite_is_not_probed_automatically(at: Place) -> None:
-    hint = "remove `canaries:`; `provision measure satellite site={}` tries the satellite when a person asks for it"
+    hint = "remove `canaries:`; `provision measure satellite site={}` tests the satellite on request"
     (words,) = advised(said(a_satellite_with_canaries(at), hint))
     at.monkeypatch.setattr("atlantis_netcfg.cli.links._prove", _tried(at))
     at.type(*words, code=7)
@@ -243,7 +243,9 @@ def _no_twins(*_: object) -> Iterator[object]:
 def test_resume_is_advised_only_for_resumable_commands(name: str) -> None:
     """A command that is no run of the engine goes on when it is typed again; `resume` would refuse it."""
     command = commands.load(name, COMMANDS).command
-    assert command.plays != command.again.replace("what was recorded stands: ", "").startswith("type the same again")
+    assert command.plays != command.again.replace("recorded changes remain ", "").startswith(
+        "run the same command again"
+    )
     assert "resume" not in command.again
 
 
@@ -255,7 +257,7 @@ def test_a_stopped_command_that_is_no_run_is_typed_again(name: str, at: Place) -
     at.monkeypatch.setattr(COMMANDS[name].replace(":", ".run_"), stop)
     words = commands.load(name, COMMANDS).command.words
     printed = at.type(*name.split(), *(word.hint for word in words if word.is_required), code=5)
-    assert "type the same again" in printed
+    assert "run the same command again" in printed
     assert not any("resume" in words for words in advised(printed))
 
 

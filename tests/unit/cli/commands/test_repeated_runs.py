@@ -22,7 +22,7 @@ def broken(state: Path, command: str, purpose: Purpose) -> Run:
 @pytest.mark.parametrize(
     ("command", "purpose", "what"),
     [
-        ("provision device adopt site=quay device=router", Purpose.ADOPT, "a first contact"),
+        ("provision device adopt site=quay device=router", Purpose.ADOPT, "an adoption"),
         ("provision device upgrade site=quay device=router packages=x.npk", Purpose.UPGRADE, "an upgrade"),
         ("provision vpn install device=router", Purpose.INSTALL, "an import of a VPN identity"),
     ],
@@ -60,19 +60,19 @@ def test_run_with_nothing_open_is_typed_again(tmp_path: Path) -> None:
     run = broken(tmp_path, "provision site=quay --yes", Purpose.CONFIGURE)
     _refuse_settled(run)
     with Store(tmp_path).resume("quay", run.id, RunResume(revision="", tool="", command="")) as journal:
-        journal.write(Outcome(device="router", status="left-as-found", exit=4, message="stopped by hand"))
-    with pytest.raises(NoMatchError, match="has left nothing open") as refused:
+        journal.write(Outcome(device="router", status="left-as-found", exit=4, message="interrupted by the user"))
+    with pytest.raises(NoMatchError, match="has left nothing pending on any device") as refused:
         _refuse_settled(Store(tmp_path).run("quay", run.id))
     assert "type its command again:  provision site=quay --yes" in (refused.value.hint or "")
 
 
 def test_resume_covers_every_unfinished_device(tmp_path: Path) -> None:
     """Seed 209 of the campaign: `resume` was green, and the devices whose turn had not come were as before."""
-    hosts = ("open", "never reached", "taken back", "done")
+    hosts = ("open", "never reached", "rolled back", "done")
     started = RunStart(site="quay", revision="", tool="", hosts=hosts, rehearsed=False, command="provision")
     with Store(tmp_path).start(started) as journal:
         for device, status in zip(hosts[1:], ("left-as-found", "rolled-back", "changed"), strict=True):
             journal.write(Outcome(device=device, status=status, exit=4, message=""))
     run = Store(tmp_path).run("quay", journal.run)
     assert run.unsettled_devices == ("open",)
-    assert run.undone == ("open", "never reached", "taken back")
+    assert run.undone == ("open", "never reached", "rolled back")

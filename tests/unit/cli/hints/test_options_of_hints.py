@@ -92,10 +92,10 @@ def test_hint_to_save_a_plan_can_be_typed(tmp_path: Path, capsys: pytest.Capture
     ("variables", "message", "hint"),
     [
         ({"atlantis_rehearse": "ture"}, "atlantis_rehearse is neither true nor false: ture", "atlantis_rehearse=true"),
-        ({"atlantis_acept_cost": "true"}, "there is no extra variable `atlantis_acept_cost`", "`atlantis_accept_cost`"),
-        ({"atlantis_request": {"mod": "plan"}}, "atlantis_request has no key `mod`", "did you mean `mode`?"),
-        ({"atlantis_request": "plan"}, "atlantis_request is no mapping: plan", "-e '{"),
-        ({"atlantis_request": {"mode": "plann"}}, "atlantis_request: `plann` is no word for `mode`", ""),
+        ({"atlantis_acept_cost": "true"}, "unknown extra variable `atlantis_acept_cost`", "`atlantis_accept_cost`"),
+        ({"atlantis_request": {"mod": "plan"}}, "atlantis_request: unknown key `mod`", "did you mean `mode`?"),
+        ({"atlantis_request": "plan"}, "atlantis_request is not a mapping: plan", "-e '{"),
+        ({"atlantis_request": {"mode": "plann"}}, "atlantis_request: `plann` is not a word for `mode`", ""),
         ({"atlantis_request": {"rehearsed": "maybe"}}, "atlantis_request: `rehearsed` ", ""),
     ],
 )

@@ -76,7 +76,7 @@ def test_station_isolation_can_be_disabled(tmp_path: Path) -> None:
 
 def test_rehearsal_notes_that_no_network_is_opened(tmp_path: Path) -> None:
     notes = [item.note for item in part(tmp_path, rehearsed=True).configuration.brought]
-    assert notes[-1] == "not rehearsed: wlan3 opens the network EXAMPLE-COASTAL-GATEWAY, for this machine has no radio"
+    assert notes[-1] == "not rehearsed: wlan3 opens the network EXAMPLE-COASTAL-GATEWAY; this machine has no radio"
 
 
 HOSTAPDS = {
@@ -90,7 +90,7 @@ def hostapd(request: pytest.FixtureRequest) -> tuple[Path, Path | None]:
     """The program of Debian 11 and of Debian 12, with the libraries that it needs."""
     program, packed = HOSTAPDS[request.param]
     if not program.exists():
-        pytest.skip(f"there is no hostapd {request.param} here")
+        pytest.skip(f"no such playbook: hostapd {request.param} here")
     libraries = None if packed is None else next(packed.glob("usr/lib/*/libssl.so.1.1")).parent
     environment = {} if libraries is None else {"LD_LIBRARY_PATH": str(libraries)}
     said = subprocess.run([program, "-v"], check=False, capture_output=True, text=True, env=environment)

@@ -60,7 +60,9 @@ def test_synchronised_clock_is_not_set_and_difference_is_reported() -> None:
     clock = board.clock()
     clock.converge(NOW)
     assert (clock.changes, board.now) == ([], NOW - 7200)
-    assert clock.notes == ["its clock is 7200 s behind of your computer's, and follows a time server: look at your own"]
+    assert clock.notes == [
+        "its clock is 7200 s behind of your computer's and follows a time server: check your computer's clock"
+    ]
 
 
 def test_clock_that_cannot_be_set_is_a_failure_with_a_hint() -> None:

@@ -40,7 +40,7 @@ DONE = [
     "file /etc/systemd/system/daemon.service.d/own.conf",
     "link /etc/localtime -> /usr/share/zoneinfo/Europe/Lisbon",
     "absent /etc/daemon/old.conf",
-    "systemd has read its unit files",
+    "systemd has reloaded its unit files",
     "step take it",
     "unit daemon enabled",
     "unit daemon started",
@@ -74,7 +74,7 @@ def file(content: str = "x", **row: Any) -> dict[str, Any]:  # noqa: ANN401 - as
 
 CASES: list[tuple[str, str, dict[str, Any], list[str]]] = [
     ("mode", "0600", file(), ["file /a/b mode 0600 -> 0644"]),
-    ("mode asked for", "0644", file(mode="0400"), ["file /a/b mode 0644 -> 0400"]),
+    ("mode requirement", "0644", file(mode="0400"), ["file /a/b mode 0644 -> 0400"]),
     ("set-user-ID", "4644", file(), ["file /a/b mode 4644 -> 0644"]),
     ("content", "0600", file("y"), ["file /a/b"]),
     ("same", "0644", file(), []),
@@ -119,15 +119,15 @@ def test_symlink_in_place_of_a_file_is_replaced(computer: Computer) -> None:
         ({"links": [{"path": "/a/b", "target": "c"}]}, "/a/b is a directory, and has to be a file"),
         ({"files": [{"path": "/a/c", "content": "x"}]}, "/a/c is a device or a socket"),
         ({"directories": [{"path": "/a/f"}]}, "/a/f is a file, and has to be a directory"),
-        ({"files": [{"path": "/a/f/x", "content": "x"}]}, "something above it is a file"),
+        ({"files": [{"path": "/a/f/x", "content": "x"}]}, "one of its parents is a file"),
         ({"files": [{"path": "/a/new", "content": "x", "owner": "nobody-here"}]}, "no account `nobody-here`"),
         ({"files": [{"path": "/a/new", "content": "x", "group": "nobody-here"}]}, "no group `nobody-here`"),
-        ({"files": [{"path": "/a/new", "content": "x", "mode": "rw"}]}, "`rw` is no mode"),
-        ({"files": [{"path": "a/new", "content": "x"}]}, "`a/new` is no path from the root"),
-        ({"files": [{"path": "/a/../new", "content": "x"}]}, "is no path from the root"),
+        ({"files": [{"path": "/a/new", "content": "x", "mode": "rw"}]}, "`rw` is not a mode"),
+        ({"files": [{"path": "a/new", "content": "x"}]}, "`a/new` is not an absolute path"),
+        ({"files": [{"path": "/a/../new", "content": "x"}]}, "` is not an absolute path"),
         ({"files": [{"path": "/a/new"}]}, "has no content"),
         ({"files": [{"path": "/a/new", "content": "x", "validate": ["true"]}]}, "its validator has no %s"),
-        ({"files": [{"path": "/a/f", "content": "x"}], "absent": ["/a/f"]}, "path /a/f is declared twice"),
+        ({"files": [{"path": "/a/f", "content": "x"}], "absent": ["/a/f"]}, "path /a/f is defined twice"),
     ],
 )
 def test_obstructed_path_is_refused_and_nothing_changed(computer: Computer, told: dict[str, Any], said: str) -> None:
@@ -191,8 +191,8 @@ def test_diffs_are_shown_for_text_files_only(computer: Computer) -> None:
         (errno.ENOSPC, r"the file system of /etc/second is full: \d+ kB are free"),
         (errno.EDQUOT, "is full"),
         (errno.EROFS, "can only be read"),
-        (errno.EPERM, "may not be changed"),
-        (errno.EIO, "read or write errors"),
+        (errno.EPERM, "cannot change"),
+        (errno.EIO, "read or add errors"),
         (errno.ENXIO, "/etc/second: "),
     ],
 )
@@ -229,14 +229,14 @@ def test_partial_write_is_continued(computer: Computer, monkeypatch: pytest.Monk
 def test_concurrent_run_is_refused(computer: Computer) -> None:
     lock = computer.root / "run" / "lock" / "atlantis-configure"
     lock.parent.mkdir(parents=True)
-    lock.write_text("process 77, begun from 192.0.2.7")
+    lock.write_text("process 77, started from 192.0.2.7")
     with lock.open() as holder:
         fcntl.flock(holder, fcntl.LOCK_EX)
         assert computer.converge(check=True, **file()) == ["file /a/b"]
         with pytest.raises(ModuleError, match=r"another run is at work .*: process 77, begun from 192\.0\.2\.7"):
             computer.converge(**file())
     assert computer.converge(**file(), environment={"SSH_CONNECTION": "192.0.2.9 5 192.0.2.1 22"}) == ["file /a/b"]
-    assert lock.read_text() == f"process {os.getpid()}, begun from 192.0.2.9"
+    assert lock.read_text() == f"process {os.getpid()}, started from 192.0.2.9"
 
 
 def test_failed_step_shows_its_last_lines_and_is_repeated(computer: Computer) -> None:
@@ -295,7 +295,7 @@ def test_missing_file_to_be_supplied_is_noted_and_changes_nothing(computer: Comp
     assert (asked.changes, asked.notes) == ([], [])
 
 
-FINDING = "the declared firewall is not in force"
+FINDING = "the firewall of the inventory is not active"
 OPTIONAL: dict[str, Any] = {
     "files": [
         {"path": CONF, "content": "good = 1\n"},
@@ -328,7 +328,7 @@ def test_rejected_optional_file_is_a_finding_and_the_rest_is_done(computer: Comp
     assert again.changes == []
     for one in (planned, done, again):
         ((words, hint),) = one.findings
-        assert words.startswith(f"{FINDING}: sh does not accept the new /etc/wall.conf, which stays as it was:\n")
+        assert words.startswith(f"{FINDING}: sh does not accept the new /etc/wall.conf, which is unchanged:\n")
         assert words.endswith("/etc/wall.conf: line 1: bad")
         assert hint == "mend it"
     assert ["load"] not in computer.ran
@@ -358,7 +358,7 @@ def test_unchanged_file_that_is_now_rejected_is_a_finding(computer: Computer) ->
 def test_rejected_mandatory_file_still_stops_everything(computer: Computer) -> None:
     told = {**OPTIONAL, "files": [*OPTIONAL["files"], {"path": "/etc/must.conf", "content": "bad\n", "validate": GOOD}]}
     before = computer.snapshot()
-    with pytest.raises(ModuleError, match=r"sh does not accept the new /etc/must\.conf, so that nothing was changed"):
+    with pytest.raises(ModuleError, match=r"sh does not accept the new /etc/must.conf, so nothing was changed"):
         computer.converge(**told)
     assert computer.snapshot() == before
 

@@ -119,7 +119,7 @@ def test_radio_without_a_key_is_left_to_a_person(tmp_path: Path) -> None:
 def test_rehearsal_notes_that_there_is_no_radio(tmp_path: Path) -> None:
     base = part(tmp_path, rehearsed=True)
     assert next(item.note for item in base.configuration.brought) == (
-        "not rehearsed: wlan0 joins the access point of girona500, for this machine has no radio"
+        "not rehearsed: wlan0 joins the access point of girona500; this machine has no radio"
     )
 
 
@@ -134,7 +134,7 @@ def supplicant(request: pytest.FixtureRequest) -> tuple[Path, Path | None]:
     """wpa_supplicant of Debian 11 and of Debian 12, with the libraries that it needs."""
     program, packed = SUPPLICANTS[request.param]
     if not program.exists():
-        pytest.skip(f"there is no wpa_supplicant {request.param} here")
+        pytest.skip(f"no such playbook: wpa_supplicant {request.param} here")
     libraries = None if packed is None else next(packed.glob("usr/lib/*/libssl.so.1.1")).parent
     environment = {} if libraries is None else {"LD_LIBRARY_PATH": str(libraries)}
     said = subprocess.run([program, "-v"], check=False, capture_output=True, text=True, env=environment)

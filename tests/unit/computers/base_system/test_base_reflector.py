@@ -44,7 +44,7 @@ def test_reflector_is_bound_to_the_vpn_address_and_open_to_our_computers(name: s
     assert rules == [f'ip saddr {{ {pool} }} udp dport {REFLECTOR_PORT} accept comment "checklists of other sites"']
     assert [(unit.enabled, unit.active) for unit in configuration.units if unit.name == SERVICE] == [(True, True)]
     assert [check.finding for check in configuration.checks if SERVICE in check.run] == [
-        f"nothing answers the checklists of other sites at UDP port {REFLECTOR_PORT}"
+        f"nothing responds to checklists of other sites at UDP port {REFLECTOR_PORT}"
     ]
 
 

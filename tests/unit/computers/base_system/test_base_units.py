@@ -77,7 +77,7 @@ def test_unit_that_cannot_be_enabled_is_left_alone(computer: Computer, state: st
 def test_missing_unit_is_reported(computer: Computer) -> None:
     told: dict[str, Any] = {"units": [{"name": "chrony", "enabled": True, "active": True}]}
     assert computer.converge(check=True, **told) == ["unit chrony enabled", "unit chrony started"]
-    with pytest.raises(ModuleError, match="there is no unit chrony on this computer") as caught:
+    with pytest.raises(ModuleError, match="unit chrony does not exist on this computer") as caught:
         computer.converge(**told)
     assert "not installed" in caught.value.hint
 
@@ -87,7 +87,7 @@ def test_missing_unit_is_reported(computer: Computer) -> None:
     [
         (FakeUnit(load="masked", file="masked"), "unit daemon is masked"),
         (FakeUnit(dies=True), "unit daemon does not stay up: it is failed .failed.:\nit said why"),
-        (FakeUnit(condition=False), "a condition of its unit file does not hold"),
+        (FakeUnit(condition=False), "a condition of its unit file is not met on this computer"),
     ],
 )
 def test_failed_unit_is_reported(computer: Computer, unit: FakeUnit, said: str) -> None:
@@ -106,5 +106,8 @@ def test_no_wait_for_a_unit_that_waits(computer: Computer) -> None:
 
 def test_changed_unit_files_are_reloaded(computer: Computer) -> None:
     computer.units["daemon"].stale = True
-    assert computer.converge(check=True, **wishes())[1:] == ["systemd has read its unit files", "unit daemon started"]
-    assert computer.converge(**wishes())[1:] == ["systemd has read its unit files", "unit daemon started"]
+    assert computer.converge(check=True, **wishes())[1:] == [
+        "systemd has reloaded its unit files",
+        "unit daemon started",
+    ]
+    assert computer.converge(**wishes())[1:] == ["systemd has reloaded its unit files", "unit daemon started"]

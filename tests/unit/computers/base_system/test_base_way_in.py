@@ -38,7 +38,7 @@ def test_change_that_locks_out_the_operator_is_refused(computer: Computer, addre
         computer.converge(check=check, files=FILES, way_in=way_in, environment=session(address))
     plain = address.partition("%")[0]
     assert caught.value.message == (
-        f"you work from {plain}, which could not log in afterwards: SSH would be admitted from 192.0.2.0/28, "
+        f"you work from {plain}, which could not log in afterwards: SSH would be allowed from 192.0.2.0/28, "
         "203.0.113.0/24 only. Nothing was changed"
     )
     assert caught.value.hint == "do that"

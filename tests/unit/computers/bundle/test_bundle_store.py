@@ -120,4 +120,4 @@ def test_full_disk_is_reported_before_sending(store: BundleStore, monkeypatch: p
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: shutil._ntuple_diskusage(10**9, 10**9 - 10**6, 10**6))
     with pytest.raises(ModuleError) as caught:
         store.settle(ONE, held(CONTENT), check=False)
-    assert str(caught.value) == "the bundle needs 16 MB on the computer, and 1 MB are free"
+    assert str(caught.value) == "the bundle needs 16 MB on the computer, but 1 MB are free"

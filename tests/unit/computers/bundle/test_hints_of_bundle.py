@@ -114,15 +114,15 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str]] = {
     "too dear": (
         too_dear,
         (
-            "type the same with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true); or bring the packages:"
-            " `provision gateway bundle site=…`, then `--offline`"
+            "run the same command with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true), or bring the "
+            "packages: `provision gateway bundle site=…`, then `--offline`"
         ),
     ),
     "no name": (
         no_name,
         (
-            "look at the link of the site, and at `ip route` on the computer; or bring the packages: "
-            "`provision gateway bundle site=…`, then `--offline`"
+            "check the site's link, and `ip route` on the computer; or bring the packages: `provision gateway "
+            "bundle site=…`, then `--offline`"
         ),
     ),
 }
@@ -150,7 +150,7 @@ def test_bundle_of_another_computer_opens_with_the_advised_key(
 
 
 def test_key_without_a_bundle_advises_a_working_command(at: Place, signer: BundleSigner) -> None:
-    hint = "add `check=` and its folder: `provision gateway bundle site={} check=BUNDLE key={}`"
+    hint = "add `check=` and the bundle folder: `provision gateway bundle site={} check=BUNDLE key={}`"
     printed = at.type("gateway", "bundle", "site=coastal", f"key={signer.fingerprint}", code=3)
     (words,) = advised(said(printed, hint))
     assert "signed by" in at.type(*(word.replace("BUNDLE", str(at.bundle)) for word in words))
@@ -158,8 +158,8 @@ def test_key_without_a_bundle_advises_a_working_command(at: Place, signer: Bundl
 
 def test_advised_image_command_works(at: Place) -> None:
     hint = (
-        "make a card with the right system (`provision gateway image --help`), or declare the release that fits "
-        "this one"
+        "add a card with the right system (`provision gateway image --help`), or set the release of this one in "
+        "the inventory"
     )
     (words,) = advised(said(another_system(at), hint))
     assert "host=coastal-gateway" in at.type(*words) or "the gateway computer" in at.type(*words)

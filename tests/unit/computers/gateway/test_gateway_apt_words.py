@@ -36,7 +36,7 @@ def test_apt_errors_are_explained(case: Path) -> None:
 
 def test_every_apt_error_has_an_explanation() -> None:
     """Where apt's own words are handed on, that is on purpose: nobody knows a better one."""
-    raw = {case.stem for case in CASES if "the words above are those of apt" in case.read_text()}
+    raw = {case.stem for case in CASES if "the text above is apt's output" in case.read_text()}
     assert raw == {"update-damaged-lists"}, "they are repaired before anybody reads this"
 
 
@@ -56,6 +56,6 @@ def test_failures_of_other_sources_are_only_noted_once() -> None:
     ours = ["https://archive.example.org/ros"]
     assert explain_update_failure(said, 0, ours, "arm64") is None
     assert other_source_notes(said, ours) == [
-        "the lists of deb.example.org could not be updated, those from before are used"
+        "the package lists of deb.example.org could not be updated; the previous ones are used"
     ]
     assert other_source_notes("Reading package lists...\n", ours) == []

@@ -105,7 +105,7 @@ def test_token_goes_only_to_its_own_server_and_is_not_stored(board: Board, tmp_p
 
 def test_deploy_token_is_sent_with_its_name(board: Board) -> None:
     board.fetch("v1", f"deployer:{TOKEN}")
-    with pytest.raises(ModuleError, match="does not accept the declared token"):
+    with pytest.raises(ModuleError, match="does not accept the inventory's token for"):
         board.fetch("v1", "deployer:wrong", into="again")
 
 
@@ -132,7 +132,7 @@ def test_missing_submodule_or_token_is_reported(board: Board) -> None:
     board.projects.release("v2", submodule_at="../gone.git")
     with pytest.raises(ModuleError, match=r"a submodule of .*there is no repository"):
         board.fetch("v2")
-    with pytest.raises(ModuleError, match="no token is declared"):
+    with pytest.raises(ModuleError, match="no the inventory says token"):
         board.fetch("v1", None, into="again")
 
 

@@ -116,7 +116,7 @@ def test_interrupted_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest
 def test_folder_in_place_of_a_symlink_is_left_alone(tmp_path: Path) -> None:
     shelf = build_plan.BuildStore(str(tmp_path))
     (tmp_path / "current").mkdir()
-    with pytest.raises(ModuleError, match="has to be a link"):
+    with pytest.raises(ModuleError, match="but must be a symbolic link to a build"):
         shelf.use(made(shelf, "one"))
 
 

@@ -104,7 +104,7 @@ def test_build_is_started_joined_activated_and_then_left_alone(gateway: Gateway)
     gateway.complete(told, ("a note",))
     ready, third = gateway.visit(started=told["run"])
     assert ready["state"] == "ready"
-    assert third.changes == [f"build {told['key']} of library v1 taken into use"]
+    assert third.changes == [f"build {told['key']} of library v1 activated"]
     assert third.notes == ["a note"]
     last, fourth = gateway.visit()
     assert (last["commits"], fourth.changes, fourth.notes) == ({"library": "a" * 40}, [], [])
@@ -122,7 +122,7 @@ def test_reverted_inventory_reuses_the_kept_build(gateway: Gateway) -> None:
     planned, wish = gateway.visit("v1", check=True)
     back, build = gateway.visit("v1")
     assert planned["state"] == back["state"] == "ready"
-    assert build.changes == wish.changes == [f"build {keys[0]} of library v1 taken into use"]
+    assert build.changes == wish.changes == [f"build {keys[0]} of library v1 activated"]
     assert (gateway.shelf.link_target("current"), gateway.shelf.link_target("previous")) == (keys[0], keys[1])
     assert sum(command[0] == "systemd-run" for command in gateway.commands) == started
 
@@ -158,7 +158,7 @@ def test_failure_is_reported_once_and_the_next_visit_restarts(gateway: Gateway) 
     gateway.end(told, {"ok": False, "message": "no such header", "hint": "ask"})
     with pytest.raises(ModuleError, match="no such header") as caught:
         gateway.visit(started=told["run"])
-    assert caught.value.hint == f"ask; all that was said: {told['log']} on the gateway"
+    assert caught.value.hint == f"ask; complete output: {told['log']} on the gateway"
     again, build = gateway.visit()
     assert build.changes == ["build of library v1 started"]
     gateway.end(again, None)
@@ -171,19 +171,19 @@ def test_changed_inventory_stops_the_previous_build(gateway: Gateway) -> None:
     Path(gateway.shelf.at(told["key"])).mkdir(parents=True)
     other, build = gateway.visit("v2")
     assert gateway.running == {other["unit"]}
-    assert build.notes == [f"the build {told['key']}, which is declared no longer, was stopped"]
+    assert build.notes == [f"build {told['key']}, which is no longer in the inventory, was stopped"]
     assert not Path(gateway.shelf.at(told["key"])).exists()
 
 
 def test_missing_build_tools_are_named(gateway: Gateway, tmp_path: Path) -> None:
     (tmp_path / "bin/colcon").unlink()
     (tmp_path / "bin/cmake").unlink()
-    with pytest.raises(ModuleError, match="the gateway lacks colcon, cmake to build with"):
+    with pytest.raises(ModuleError, match="the gateway lacks colcon, cmake, which the build needs"):
         gateway.visit(examples=True)
     gateway.compiler = False
     with pytest.raises(ModuleError, match=r"lacks colcon, c\+\+ to"):
         gateway.visit()
-    assert gateway.visit(check=True)[1].changes == ["build of the library, once its packages are installed"]
+    assert gateway.visit(check=True)[1].changes == ["build of the library, after its packages are installed"]
 
 
 def test_key_matches_the_plan(gateway: Gateway) -> None:

@@ -27,7 +27,7 @@ def found(root: Path, path: str, text: str) -> list[env_conflicts.Setting]:
         ("/etc/environment", f'{NAME}="1"'),
         ("/etc/profile.d/ros.sh", f"export {NAME}=1"),
         ("/etc/profile.d/ros.sh", f"A=b; export B {NAME}='1'; C=d"),
-        ("/etc/bash.bashrc", f"  declare -x {NAME}=1 # for a lesson"),
+        ("/etc/bash.bashrc", f"  set -x {NAME}=1 # for a lesson in the inventory"),
         ("/root/.bashrc", f"export {NAME}=1"),
         ("/home/odroid/.profile", f"{NAME}=1"),
         ("/home/odroid/.pam_environment", f"{NAME} DEFAULT=1"),
@@ -63,5 +63,5 @@ def test_nothing_is_searched_without_variables(tmp_path: Path) -> None:
 
 def test_note_states_place_effect_and_advice() -> None:
     assert env_conflicts.note(env_conflicts.Setting("/etc/environment", 3, NAME, "1"), "ROS 2 stays at home") == (
-        "line 3 of /etc/environment sets ROS_LOCALHOST_ONLY=1: ROS 2 stays at home; take that line out, and log in anew"
+        "line 3 of /etc/environment sets ROS_LOCALHOST_ONLY=1: ROS 2 stays at home; remove that line and log in again"
     )

@@ -10,7 +10,7 @@ from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.runs.report.drift import DriftReport
 
-FINDING = "the declared firewall is not in force"
+FINDING = "the firewall of the inventory is not active"
 FOUND = {"changed": False, "findings": [FINDING], "hint": "take a newer image"}
 CHANGED: dict[str, Any] = {"changed": True, "changes": ["file /etc/hosts"]}
 
@@ -30,9 +30,9 @@ def told(mode: Mode, *tasks: dict[str, Any]) -> ComputerResult:
         (Mode.APPLY, (CHANGED,), ExitCode.DONE, "1 change made"),
         (Mode.PLAN, (FOUND,), ExitCode.CHECKS_FAILED, f"nothing to change; finding: {FINDING}"),
         (Mode.PLAN, (CHANGED, FOUND), ExitCode.CHANGES, f"1 change to make; finding: {FINDING}"),
-        (Mode.DRIFT, (FOUND,), ExitCode.CHECKS_FAILED, f"1 thing differs; finding: {FINDING}"),
-        (Mode.DRIFT, (CHANGED, FOUND), ExitCode.CHECKS_FAILED, f"2 things differ; finding: {FINDING}"),
-        (Mode.DRIFT, ({"changed": False},), ExitCode.DONE, "as declared, nothing to change"),
+        (Mode.DRIFT, (FOUND,), ExitCode.CHECKS_FAILED, f"1 difference; finding: {FINDING}"),
+        (Mode.DRIFT, (CHANGED, FOUND), ExitCode.CHECKS_FAILED, f"2 differences; finding: {FINDING}"),
+        (Mode.DRIFT, ({"changed": False},), ExitCode.DONE, "matches the inventory, nothing to change"),
     ],
 )
 def test_finding_is_not_green(mode: Mode, tasks: tuple[dict[str, Any], ...], code: ExitCode, message: str) -> None:

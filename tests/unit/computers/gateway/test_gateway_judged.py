@@ -42,7 +42,7 @@ def test_clock_tolerance_includes_the_request_time(now: float, words: str | None
         ("0A400101,10.64.1.1,3,1,0,Normal\n", None),
         ("00000000,,0,0,0,Not synchronised\n", "chrony says `Not synchronised`"),
         ("7F7F0101,,10,0,0,Normal\n", "the clock follows itself"),
-        (None, "`tracking` cannot be asked"),
+        (None, "`tracking` cannot be queried"),
     ],
 )
 def test_clock_must_follow_a_source(tracking: str | None, words: str | None) -> None:

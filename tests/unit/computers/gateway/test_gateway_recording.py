@@ -44,7 +44,7 @@ def test_the_unit_records_the_declared_topics() -> None:
 
 def test_stopped_recording_is_a_finding() -> None:
     (check,) = recording(DECLARED, "foxy").checks
-    assert check.finding == "the recording does not run, though the VPN's interface is there"
+    assert check.finding == "the recording is not running, although the VPN interface exists"
 
 
 def test_undeclared_recording_is_removed() -> None:

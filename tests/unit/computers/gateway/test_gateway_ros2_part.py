@@ -129,7 +129,7 @@ def test_stand_ins_replace_the_archive(inventory: Path, archive: StubArchive) ->
     told = part(inventory, {"origin": "snapshot"}, stand_in=stand_in).as_dict()["packages"]
     assert "URIs: http://10.64.1.1:8000\nSuites: bookworm\n" in told["sources"][0]["content"]
     assert told["expected"]["distribution"] == "debian"
-    assert any("stand-ins take the place" in note for note in told["notes"])
+    assert any("stand-ins replace the packages of ROS 2" in note for note in told["notes"])
 
 
 def test_archive_key_must_exist_and_match(inventory: Path, archive: StubArchive) -> None:
@@ -137,7 +137,7 @@ def test_archive_key_must_exist_and_match(inventory: Path, archive: StubArchive)
         part(inventory, {"origin": "snapshot"})
     assert "0x4B63CF8FDE49746E98FA01DDAD19BAB3CBF125EA" in str(missing.value.hint)
     (inventory / "keys" / "ros-snapshots.asc").write_bytes(archive.key)
-    with pytest.raises(UsageError, match=f"is another key: {archive.fingerprint}, not 4B63"):
+    with pytest.raises(UsageError, match=f"of the inventory is a different key: {archive.fingerprint}, not 4B63"):
         part(inventory, {"origin": "snapshot"})
 
 

@@ -57,7 +57,7 @@ def test_missing_folder_needs_no_cleaning(tmp_path: Path) -> None:
 
 
 def test_folder_must_be_an_absolute_path(tmp_path: Path) -> None:
-    with pytest.raises(ModuleError, match="`etc/ours` is no path from the root"):
+    with pytest.raises(ModuleError, match="`etc/ours` is not an absolute path"):
         configured(tmp_path, only=["etc/ours"])
 
 

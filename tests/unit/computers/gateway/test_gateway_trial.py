@@ -65,7 +65,7 @@ def test_program_that_exits_cleanly_is_inconclusive(gateway: Gateway) -> None:
 
 
 def test_error_fails_and_is_retried(gateway: Gateway) -> None:
-    gateway.end = ProgramResult(2, "starting\nerror: C4i does not answer\n")
+    gateway.end = ProgramResult(2, "starting\nerror: C4i does not respond\n")
     with pytest.raises(
         ModuleError, match=r"FAIL: example-robot ended with 2 .*:\nerror: C4i does not answer"
     ) as caught:
@@ -84,5 +84,5 @@ def test_program_is_not_started_without_the_vpn(gateway: Gateway, address: Progr
 
 def test_missing_program_is_named(gateway: Gateway) -> None:
     (gateway.root / "b/example-robot").unlink()
-    with pytest.raises(ModuleError, match="the build has no /b/example-robot"):
+    with pytest.raises(ModuleError, match="the build does not contain /b/example-robot"):
         gateway.judge()

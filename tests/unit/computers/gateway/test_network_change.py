@@ -66,7 +66,7 @@ def test_change_is_not_confirmed_without_a_responding_gateway(box: Box, by: str)
     assert name is not None
     box.queued = False
     network_guard.apply(box.computer)
-    why = "nobody answers at the gateway's address 10.64.1.99 on eth0"
+    why = "the gateway address 10.64.1.99 does not respond on eth0"
     assert change.confirm(name) == {"state": "pending", "again": False, "why": why}
     box.time_passes()
     assert box.state() == before
@@ -83,7 +83,7 @@ def test_power_cut_before_confirmation_restores_the_previous_state(box: Box, by:
     network_guard.apply(box.computer)
     box.power_cut()
     assert box.state() == before
-    why = "the computer was started anew before a new session had confirmed it"
+    why = "the computer was restarted before a new session had confirmed it"
     assert change.look(name, 0.0) == {"state": "rolled back", "why": why}
 
 
@@ -116,7 +116,7 @@ def test_configuration_not_in_effect_is_applied(box: Box) -> None:
     box.routes = []
     change = made(box, "ifupdown")
     assert change.stage() is not None
-    assert change.changes == ["network eth0 applied: there is no default route by 10.64.1.1 on eth0"]
+    assert change.changes == ["network eth0 applied: no such playbook: default route via 10.64.1.1 on eth0"]
     assert change.diff == []
 
 
@@ -142,7 +142,11 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "no prefix": ({"address": "10.64.1.10"}, "the address 10.64.1.10 has no prefix length", "10.64.1.10/24"),
     "no address": ({"address": "10.64.1.300/24"}, "is not valid", "like 10.64.1.10/24"),
     "gateway elsewhere": ({"gateway": "10.9.9.9"}, "10.9.9.9 cannot be the gateway of 10.64.1.10/24", "`lan`"),
-    "no interface": ({"interface": "eth7"}, "there is no interface eth7; there is: eth0, eth1", "interface"),
+    "no interface": (
+        {"interface": "eth7"},
+        "interface eth7 does not exist; existing interfaces: eth0, eth1",
+        "interface",
+    ),
 }
 
 
@@ -264,7 +268,7 @@ def test_resolver_file_is_left_to_systemd_resolved(box: Box) -> None:
 def test_no_change_without_a_guarding_timer(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     before = box.state()
     monkeypatch.setattr(box, "_systemd_run", lambda _words: NetworkComputer("/nowhere").run(("false",)))
-    with pytest.raises(ModuleError, match="systemd does not start what would guard the change; nothing was changed"):
+    with pytest.raises(ModuleError, match="systemd does not start the rollback units; nothing was changed:"):
         made(box, "networkd").stage()
     assert box.state() == before
     assert not box.queued

@@ -151,4 +151,4 @@ def test_all_topics_are_bridged_by_default() -> None:
 
 def test_stopped_bridge_is_a_finding() -> None:
     (check,) = ros1_bridge(Ros1Bridge.model_validate(MASTER), "foxy").checks
-    assert check.finding == "the bridge to ROS 1 does not run, though the VPN's interface is there"
+    assert check.finding == "the bridge to ROS 1 is not running, although the VPN interface exists"

@@ -202,7 +202,7 @@ def test_cloud_init_is_disabled(known_by: str) -> None:
     assert OFF in files(edits)
     assert (facts.ImageDirectory("/etc/cloud") in edits) is (known_by != "/etc/cloud")
     (note,) = notes(seen, WISH)
-    assert "cloud-init of the image is switched off" in note
+    assert "cloud-init of the image is disabled" in note
 
 
 def test_image_without_cloud_init_gets_no_file_for_it() -> None:

@@ -114,19 +114,19 @@ def test_plan_shows_the_cost_and_sends_nothing(desk: Desk) -> None:
     printed = desk.type("link=satellite", "--plan", code=2)
     for words in (
         "3 files to send, 200 kB",
-        "1 file left out: written to less than a minute ago",
-        "over satellite of coastal, which is paid by the byte: about 284 kB",
+        "1 file excluded: written to less than a minute ago",
+        "over metered link satellite of coastal: about 284 kB",
         "EUR",
-        "priority low takes 20 % of what satellite is declared with",
+        "priority the inventory says low takes 20 % of what satellite with",
     ):
         assert words in printed
     assert desk.verbs() == ["look"]
 
 
 def test_metered_link_needs_consent_and_respects_the_cap(desk: Desk) -> None:
-    assert "nobody has agreed to pay for this" in desk.type("link=satellite", code=4)
+    assert "the cost was not accepted" in desk.type("link=satellite", code=4)
     desk.answers(look={**LOOK, "bytes": 10**10})
-    assert "no action may send more than" in desk.type("link=satellite", "--accept-cost", code=4)
+    assert "the limit for one action is" in desk.type("link=satellite", "--accept-cost", code=4)
     assert "start" not in desk.verbs()
 
 
@@ -156,7 +156,7 @@ def test_ctrl_c_does_not_stop_the_transfer(desk: Desk) -> None:
     desk.monkeypatch.setattr("atlantis_netcfg.cli.retrieve._pause", stop)
     desk.answers(status=GOES_ON)
     printed = desk.type("link=wifi-ptp", code=5)
-    assert f"nobody watches any more; {GATEWAY} goes on sending by itself" in printed
+    assert f"progress display ended; {GATEWAY} continues to send" in printed
     assert "stop" not in desk.verbs()
 
 
@@ -169,10 +169,10 @@ def test_temporarily_unreachable_gateway_is_awaited(desk: Desk) -> None:
 
 def test_status_and_stop(desk: Desk) -> None:
     assert "3 files: the same SHA-256 at both ends" in desk.type("status")
-    assert "nothing goes on" in desk.type("stop", code=7)
+    assert "no transfer is running" in desk.type("stop", code=7)
     desk.answers(status=GOES_ON, stop={**GOES_ON, "state": "stopped", "running": False, "job": False})
-    assert "it goes on: 1 of 3 files whole, 260 kB sent over 4g" in desk.type("status", code=6)
-    assert "it was stopped; what has arrived stays" in desk.type("stop")
+    assert "in progress: 1 of 3 files complete, 260 kB sent over 4g" in desk.type("status", code=6)
+    assert "stopped; received files stay at the control centre" in desk.type("stop")
     assert "it takes no `files=`" in desk.type("files=a", "stop", code=3)
 
 
@@ -199,12 +199,12 @@ def robot(desk: Desk, **seen: Any) -> None:  # noqa: ANN401 - JSON
 
 def test_robot_recordings_are_collected_first(desk: Desk) -> None:
     robot(desk)
-    assert f"2 files on sparus, 5.0 MB: {GATEWAY} collects them first" in desk.type("from=sparus", "link=wifi-ptp")
+    assert f"2 files on sparus, 5.0 MB: {GATEWAY} collects these first" in desk.type("from=sparus", "link=wifi-ptp")
     assert desk.job()["source"] == "sparus"
     assert desk.job()["robot"] == "answers"
     assert json.loads(desk.type("from=sparus", "status", "--json"))["from"] == "sparus"
     desk.answers(look=LOOK)
-    assert f"{GATEWAY} has not been set up for this" in desk.type("from=sparus", "link=wifi-ptp", code=4), (
+    assert f"{GATEWAY} is not set up for this" in desk.type("from=sparus", "link=wifi-ptp", code=4), (
         "an older program would send the gateway's own"
     )
 
@@ -218,21 +218,21 @@ def test_robot_recordings_are_collected_first(desk: Desk) -> None:
         ),
         (
             {"state": "refused", "kind": "host_key", "why": "sparus has not its declared SSH host key"},
-            "if it is the robot: write its new key as `host_key` of sparus in `retrieval.robots`",
+            "if it is the robot: set its new key as `host_key` of sparus in `retrieval.robots`",
         ),
         (
             {"state": "refused", "kind": "unread", "why": "sparus does not let its account read all of the folder"},
             "let recorder read all of /home/recorder/bags on sparus",
         ),
-        ({"state": "away", "why": "sparus does not answer"}, "bring it to the LAN of the gateway"),
-        ({"lacking": 2_000_000}, "declare a higher `budget_mb` of it in `retrieval.robots`"),
+        ({"state": "away", "why": "sparus does not respond"}, "switch it on"),
+        ({"lacking": 2_000_000}, "set a higher  in the inventory`budget_mb` of it in `retrieval.robots`"),
     ],
 )
 def test_unavailable_robot_is_refused_with_advice(desk: Desk, seen: dict[str, Any], words: str) -> None:
     robot(desk, **seen)
     printed = " ".join(desk.type("from=sparus", "link=wifi-ptp", code=4).split())
     assert words in printed
-    assert seen.get("why", "2.0 MB are missing on coastal-gateway for sparus") in printed
+    assert seen.get("why", "2.0 MB more free space is needed on coastal-gateway for sparus") in printed
     assert desk.verbs() == ["look"], "nothing was begun"
 
 
@@ -249,7 +249,7 @@ def test_rehearsal_refuses_missing_tools_and_options(desk: Desk) -> None:
     assert desk.verbs() == []
 
 
-SHOWN = "`provision robot retrieve site={} from={} status` shows it, `stop` in its place ends it"
+SHOWN = "`provision robot retrieve site={} from={} status` shows it, `stop` instead ends it"
 
 
 def not_begun(desk: Desk) -> str:
@@ -276,9 +276,9 @@ def not_set_up(desk: Desk) -> str:
 
 ADVICE = {
     SHOWN: not_begun,
-    "`provision links site={}` shows more; or name it: `link=NAME`": not_known,
-    "`provision robot retrieve site={} from={}` goes on, and sends nothing twice": stopped,
-    "type `provision site={} device={}`, and `provision site={} device={}`": not_set_up,
+    "`provision links site={}` shows details; or choose one: `link=NAME`": not_known,
+    "`provision robot retrieve site={} from={}` continues, and sends nothing twice": stopped,
+    "run `provision site={} device={}` and `provision site={} device={}`": not_set_up,
 }
 
 

@@ -88,13 +88,13 @@ def test_only_identical_files_at_both_ends_are_green() -> None:
 
 def test_transfer_that_ended_silently_is_reported_as_lost() -> None:
     assert status(state="sending").state == "lost"
-    assert "without a word" in status(state="sending").lines("coastal")[0]
+    assert "without output" in status(state="sending").lines("coastal")[0]
     assert status(state="sending", job=True).state == "sending", "its unit begins again"
 
 
 def test_cost_is_shown_while_sending_and_at_the_end() -> None:
     on = status(state="sending", running=True, arrived=0)
-    assert on.progress() == f"0 of 2 files whole, 1.2 MB sent over satellite, {on.total_cost.money}"
+    assert on.progress() == f"0 of 2 files complete, 1.2 MB sent over satellite, {on.total_cost.money}"
     assert "EUR" in on.total_cost.money
     assert status().lines("coastal")[-1] == f"{status().total_cost.words} over satellite"
     assert "EUR" not in status("wifi-ptp", link="wifi-ptp").lines("coastal")[-1]
@@ -106,7 +106,7 @@ def test_source_is_chosen_by_site_or_by_name() -> None:
         == retrieve.source_at(DECLARED, "coastal", GATEWAY)[1].name
         == GATEWAY
     )
-    with pytest.raises(UsageError, match="no recordings of it are declared") as near:
+    with pytest.raises(UsageError, match="the inventory has no recordings of it at") as near:
         retrieve.source_at(DECLARED, "coastal", "coastal-gatway")
     assert near.value.hint is not None
     assert "from=coastal-gateway" in near.value.hint
@@ -114,7 +114,7 @@ def test_source_is_chosen_by_site_or_by_name() -> None:
         retrieve.source_at(DECLARED, "all", None)
     with pytest.raises(NoMatchError, match="no recordings of te4sea"):
         retrieve.source_at(DECLARED, "te4sea", None)
-    with pytest.raises(NoMatchError, match="no recordings are declared"):
+    with pytest.raises(NoMatchError, match="the inventory has no recordings to retrieve"):
         retrieve.source_at(SHIPPED, "coastal", None)
 
 
@@ -125,7 +125,9 @@ def test_duration_is_formatted_for_people(seconds: float, text: str) -> None:
 
 def test_rehearsal_without_retrieval_config_uses_an_example() -> None:
     declaration, words = with_example(SHIPPED, "te4sea")
-    assert words == "no recordings are declared to be retrieved: this is an example, from te4sea-gateway to scc-control"
+    assert words == (
+        "the inventory has no recordings to retrieve: this is an example, from te4sea-gateway to scc-control"
+    )
     assert retrieve.source_at(declaration, "te4sea", None)[1].name == "te4sea-gateway"
     assert SHIPPED.pilot.retrieval is None
     assert with_example(DECLARED, "coastal") == (DECLARED, None)

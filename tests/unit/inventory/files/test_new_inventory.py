@@ -54,9 +54,9 @@ def test_unanswered_values_are_omitted_or_marked_as_examples(capsys: pytest.Capt
     assert advised(said[2]) == [["inventory", "validate", "inventory=douro", "--examples"]]
     assert main(advised(said[2])[0]) == ExitCode.DONE
     assert "  group_vars/pier.yml:" in capsys.readouterr().out
-    assert said[0] == "douro: written and checked, no errors, 12 hosts at 3 sites"
+    assert said[0] == "douro: written and validated, no errors, 12 hosts at 3 sites"
     declaration = load(Path("douro"))
-    assert said[1] == f"{len(declaration.examples)} values are examples: only rehearsals use this inventory."
+    assert said[1] == f"{len(declaration.examples)} values are examples: this inventory is for rehearsals only."
     assert declaration.pilot.example_values
     assert declaration.pilot.time_zone == "Europe/Brussels"
     assert declaration.pilot.dds is None
@@ -98,13 +98,16 @@ def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["douro", "--from", "nothing"], "`--from nothing` is not known"),
-        (["douro", "--from", "example", "--answers", "answers.yml"], "`--from` and `--answers` exclude each other"),
+        (["douro", "--from", "nothing"], "`--from nothing`: unknown value"),
+        (
+            ["douro", "--from", "example", "--answers", "answers.yml"],
+            "`--from` and `--answers` cannot be used together",
+        ),
         (["douro", "boat", "--answers", "answers.yml"], "unexpected argument"),
         (["no/such/folder", "--answers", "answers.yml"], "the folder above no/such/folder does not exist"),
-        (["answers.yml", "--from", "example"], "answers.yml is no folder"),
-        (["douro", "--answers", "nowhere.yml"], "the answers cannot be read: nowhere.yml"),
-        (["douro"], "nobody is here to answer questions, so nothing was written"),
+        (["answers.yml", "--from", "example"], "answers.yml is not a folder"),
+        (["douro", "--answers", "nowhere.yml"], "cannot read the responses: nowhere.yml"),
+        (["douro"], "no terminal to ask questions; nothing was written"),
     ],
 )
 def test_invalid_arguments_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -132,16 +135,16 @@ def test_invalid_answers_are_reported_with_their_lines(capsys: pytest.CaptureFix
     )
     assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
     said = capsys.readouterr().err.splitlines()
-    assert said[0].startswith("answers.yml:1:31: `spain` is no word for `country`")
-    assert said[2:4] == ["answers.yml:4:10: 10.0.0.0/30 is too small here", "  -> a network of /26 or larger"]
-    assert said[-1] == "2 errors in the answers; nothing was written"
+    assert said[0].startswith("answers.yml:1:31: `spain` is not a word for `country`")
+    assert said[2:4] == ["answers.yml:4:10: 10.0.0.0/30 is too small here", "  -> use a network of /26 or larger"]
+    assert said[-1] == "2 errors in the responses; nothing was written"
     assert not Path("douro").exists()
 
 
 def test_site_cannot_have_the_name_of_the_control_centre(capsys: pytest.CaptureFixture[str]) -> None:
     Path("answers.yml").write_text(LEAST.replace("pier:", "scc:"), encoding="utf-8")
     assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
-    assert "`scc` is the name of the control centre and of a site" in capsys.readouterr().err
+    assert "`scc` is the name of both the control centre and a site" in capsys.readouterr().err
 
 
 def test_contradictory_answers_write_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -186,7 +189,7 @@ def test_a_password_for_the_vault_is_typed_twice(monkeypatch: pytest.MonkeyPatch
     sealed = encrypt("the secret")
     assert sealed.startswith("$ANSIBLE_VAULT;1.1;AES256\n")
     assert Vault(lambda _: Secret("of a test")).decrypt(sealed) == "the secret"
-    with pytest.raises(UsageError, match="the two are not the same"):
+    with pytest.raises(UsageError, match="the two entries differ"):
         _encrypt(ask=True)
     assert _encrypt(ask=True) is None
     assert _encrypt(ask=False) is None
@@ -215,10 +218,10 @@ class TestInterview:
             "Douro",
         ]
         assert [prompt.split(" (")[0] for prompt in asked[13:]] == [
-            "Public address of the VPN's server [203.0.113.9]: ",
+            "Public address of the VPN server [203.0.113.9]: ",
             "Partners in the VPN",
-            "Public address of the VPN's server [203.0.113.9]: ",
-            "DNS name of the VPN's server [an EXAMPLE value]: ",
+            "Public address of the VPN server [203.0.113.9]: ",
+            "DNS name of the VPN server [an EXAMPLE value]: ",
         ]
         note = "Of the report: 1 inesc, 2 iqua, 3 eca, 4 udg, 5 vtt, 6 spaceapps; any name."
         assert told == ["The pilot", note, "The VPN", "The pilot", note, "The VPN"]
@@ -282,10 +285,10 @@ class TestInterview:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("7", "Partner 7 is not known: type 1 to 6, or a name."),
+            ("7", "Unknown partner 7: type 1 to 6, or a name."),
             ("1, inesc", "two partners have the name `inesc`: name each partner once"),
             ("INESC TEC, 1", "two partners have the name `inesc`: name each partner once"),
-            ("!!", "no partner can have the name `!!`: a name has letters or digits"),
+            ("!!", "no partner can be named `!!`: a name has letters or digits"),
         ],
     )
     def test_unknown_partners_are_refused(self, text: str, message: str) -> None:
@@ -297,8 +300,8 @@ class TestInterview:
         interview, asked, told = self.interview(["10.0.0.0/30", "10.0.0.0", "10.0.0.0/24"])
         assert interview.answer(SiteAnswers, Question("lan", "Local network")) == "10.0.0.0/24"
         assert told == [
-            "10.0.0.0/30 is too small here: a network of /26 or larger",
-            "`10.0.0.0` has no prefix length: a network is wanted here: 10.0.0.0/24",
+            "10.0.0.0/30 is too small here: use a network of /26 or larger",
+            "`10.0.0.0` has no prefix length: a network is expected here: 10.0.0.0/24",
         ]
         assert asked == ["Local network [an EXAMPLE value]: "] * 3
 

@@ -45,7 +45,7 @@ def test_violated_rule_is_named(frequency: int, width: int, rule: str | None) ->
 
 def test_channel_beyond_the_end_of_the_band() -> None:
     said = why_illegal("belgium", "2ghz", 2472, 100, outdoors=True)
-    assert said == "the channel reaches from 2462 to 2562 MHz, beyond the band's end"
+    assert said == "the channel covers 2462 to 2562 MHz, beyond the end of the band"
 
 
 @pytest.mark.parametrize(

@@ -161,21 +161,21 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
     "no allow-list": (
         lambda at: evidence(at, allow_list=False),
         (
-            "enter the declared destinations on the terminal's page; `provision measure satellite site=…` lists and "
-            "tries them"
+            "enter the inventory's destinations on the terminal's page; `provision measure satellite site=…` lists "
+            "and tests them"
         ),
         7,
         ["coastal-router False None"],
     ),
     "a backup that is not here": (
         lambda at: evidence(at, backup_file="x.bin", backup_sha256="00" * 32),
-        "put {} into inventory/evidence/, or name it: `provision measure satellite site=… backup=FILE`",
+        "put {} into inventory/evidence/, or pass its path: `provision measure satellite site=… backup=FILE`",
         7,
         ["coastal-router False FILE"],
     ),
     "a leak": (
         leak,
-        "`provision site=…` brings the filter back; `provision report drift site=…` first tells what has changed",
+        "`provision site=…` restores the filter; `provision report drift site=…` first shows what has changed",
         0,
         [],
     ),
@@ -187,37 +187,40 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
     ),
     "the VPN over an idle satellite": (
         idle,
-        "`provision measure satellite site=… --try-all` tries it",
+        "`provision measure satellite site=… --try-all` tests it",
         7,
         ["coastal-router True None"],
     ),
     "another UDP target over an idle satellite": (
         other_udp,
-        "`provision links use site=… link={} for=10m --unproved` puts it in use; then type the same again",
+        (
+            "`provision links use site=… link={} for=10m --unproved` makes it the active link; then run the same "
+            "command again"
+        ),
         7,
         ["coastal-router 600 True"],
     ),
     "the time over an idle satellite": (
         asked_by_rows,
-        "`provision measure satellite site=… --try-all` tries it",
+        "`provision measure satellite site=… --try-all` tests it",
         7,
         ["coastal-router True None"],
     ),
-    "not tried": (not_tried, "`provision measure satellite site={} --try-all`", 7, ["coastal-router True None"]),
+    "not tested": (not_tried, "`provision measure satellite site={} --try-all`", 7, ["coastal-router True None"]),
     "rows that stay": (
         rows_that_stay,
-        "remove the rows that say `{}`; or run the site, which removes them, too: `provision site=…`",
+        "remove the rows with comment `{}`, or run the site, which also removes them: `provision site=…`",
         0,
         [],
     ),
     "another port": (
         another_port,
-        "is the socket of the satellite's cable declared as its port? `provision report drift site=…` compares",
+        "does the inventory have the right port for the satellite's cable? `provision report drift site=…` compares it",
         0,
         [],
     ),
     "never met": (never_met, TRUST, 7, ["trust"]),
-    "another box": (
+    "if the device was replaced": (
         another_box,
         (
             "{}; only if they are equal and it was renewed on purpose: `provision device trust site=…` asks you to "
@@ -229,7 +232,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
     ),
     "upgraded": (
         upgraded,
-        "{} changes to the declared configuration: look at them with `provision plan site={} device={}`",
+        "{} changes to match the inventory: review with `provision plan site={} device={}`",
         0,
         [],
     ),

@@ -75,8 +75,8 @@ def test_allowed_host_answers_after_a_gap_and_other_host_is_refused() -> None:
 
 def test_untestable_targets_are_reported_as_not_tried() -> None:
     found = told(prove(Fake(beyond={ADDED: 0})))
-    assert found["203.0.113.2 udp 1194"] == ("not tried", "INCONCLUSIVE")
-    assert found["203.0.113.2 tcp 1195"] == ("not tried", "INCONCLUSIVE")
+    assert found["203.0.113.2 udp 1194"] == ("not tested", "INCONCLUSIVE")
+    assert found["203.0.113.2 tcp 1195"] == ("not tested", "INCONCLUSIVE")
     assert len(found) == 6
 
 
@@ -153,7 +153,7 @@ def test_safe_mode_is_read_again_after_reordered_replies() -> None:
 
 
 def test_filter_that_may_still_be_open_is_outcome_unknown() -> None:
-    with pytest.raises(OutcomeUnknown, match="does not say that the rows of the proof are gone"):
+    with pytest.raises(OutcomeUnknown, match="the router does not confirm that the test rows are removed"):
         prove(Fake(beyond={ADDED: 0}, stuck=True), proving(open_filter=True))
 
 
@@ -174,7 +174,7 @@ def test_session_over_the_tested_satellite_is_included_in_the_bill() -> None:
     what = found.proving(DECLARED, is_rehearsal=True)
     assert what.carrier == "satellite"
     (expected,) = previews(DECLARED, what)
-    assert expected.words.startswith("over satellite of te4sea, which is paid by the byte: up to ")
+    assert expected.words.startswith("over satellite of te4sea, which is metered: up to ")
     what.port = "ether3"
     proof = prove(Fake(burst_bytes=2_000), what)
     (bill,) = bills(DECLARED, proof, 90.0).values()
@@ -193,7 +193,7 @@ def test_session_over_another_link_is_billed_separately() -> None:
         "satellite": proof.bytes_counted,
         "4g": on_the_wire(proof.session_bytes, 1),
     }
-    with pytest.raises(UsageError, match="no such bearer"):
+    with pytest.raises(UsageError, match="has no such link"):
         SATELLITE.proving(DECLARED, is_rehearsal=True, via="4h")
 
 
@@ -262,8 +262,8 @@ def test_packets_not_sent_over_the_satellite_prove_nothing(connects: bool) -> No
     rule = {"chain": "to-satellite", "action": "return", "dst-address": ADDED, "dst-port": "443", "protocol": "tcp"}
     router = Fake(connects=connects, more_rules=({**rule, "packets": "3"},))
     proof = prove(router, proving(try_all=True, link=over_tcp()))
-    assert told(proof)[f"{ADDED} tcp 443"] == ("not tried", "INCONCLUSIVE")
-    assert "the router has counted nothing to it over the satellite" in proof.as_text()
+    assert told(proof)[f"{ADDED} tcp 443"] == ("not tested", "INCONCLUSIVE")
+    assert "but the router counted no traffic to it over the satellite" in proof.as_text()
 
 
 @pytest.mark.parametrize(
@@ -271,7 +271,7 @@ def test_packets_not_sent_over_the_satellite_prove_nothing(connects: bool) -> No
     [
         (True, True, ("answered", "PASS")),
         (True, False, ("silent", "FAIL")),
-        (False, True, ("not tried", "INCONCLUSIVE")),
+        (False, True, ("not tested", "INCONCLUSIVE")),
     ],
 )
 def test_time_client_is_routed_over_the_satellite_and_back(asks: bool, tells: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
@@ -347,7 +347,7 @@ def test_json_matches_the_text() -> None:
     text = proof.as_text()
     assert all(finding.message in text for _, finding in proof.results)
     assert data["left_out"] == (
-        "far end of measurements (203.0.113.2 udp 862): `provision measure link site=coastal link=satellite` tries it"
+        "far end of measurements (203.0.113.2 udp 862): `provision measure link site=coastal link=satellite` tests it"
     )
     assert f"SKIP         {data['left_out']}" in text
-    assert "2 of 6 targets proved, 4 could not be tried" in text
+    assert "2 of 6 targets proved, 4 could not be tested" in text

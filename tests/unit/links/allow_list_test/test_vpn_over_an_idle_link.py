@@ -79,7 +79,7 @@ def test_server_replies_over_the_satellite_and_no_row_remains() -> None:
     # The tunnels of the site, which have other senders, stay where they are.
     assert {
         "action": "lookup-only-in-table",
-        "comment": "atlantis: for a proof, taken back after it",
+        "comment": "atlantis: for a proof, rolled back after it",
         "src-address": f"{LAPTOP}/32",
         "dst-address": "203.0.113.2/32",
         "table": "via-satellite",
@@ -110,8 +110,8 @@ def test_silence_counts_after_six_requests() -> None:
 def test_reply_not_counted_over_the_satellite_proves_nothing(counts: tuple[bool, bool]) -> None:
     packet = FirstPacket(pki.shared_key())
     proof = asked(Fake(vpn_counts=counts), Line(answer_to(packet)), packet)
-    assert told(proof)[SERVER] == ("not tried", "INCONCLUSIVE")
-    assert "it answered, but the router has counted nothing to it over the satellite" in proof.as_text()
+    assert told(proof)[SERVER] == ("not tested", "INCONCLUSIVE")
+    assert "it responded, but the router counted no traffic to it over the satellite" in proof.as_text()
     assert not proof.vpn_answered
 
 
@@ -135,7 +135,7 @@ def test_obstacle_is_reported_with_a_hint() -> None:
     what.vpn = UsageError("this computer stands elsewhere", hint="plug it in")
     (found,) = [finding for attempt, finding in prove(Fake(), what).results if attempt.target == SERVER]
     assert (found.message, found.hint) == (
-        f"VPN server ({SERVER}) could not be tried: this computer stands elsewhere",
+        f"VPN server ({SERVER}) could not be tested: this computer stands elsewhere",
         "plug it in",
     )
 
@@ -155,7 +155,7 @@ def trial(folder: Path, twins: object = None) -> vpn.VpnQuestion | NetcfgError:
 def test_missing_member_identity_is_reported(tmp_path: Path) -> None:
     made = trial(tmp_path)
     assert isinstance(made, UsageError)
-    assert str(made) == "there is no identity of coastal-router on this computer"
+    assert str(made) == "no such playbook: identity of coastal-router on this computer"
 
 
 def test_computer_outside_the_site_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,7 +175,7 @@ def test_rehearsal_without_openvpn_is_reported_as_not_rehearsed(
     monkeypatch.setattr("shutil.which", lambda *_, **__: None)
     made = trial(tmp_path, SimpleNamespace(replay=None))
     assert isinstance(made, NoMatchError)
-    assert str(made) == "not rehearsed: this computer has no OpenVPN that could answer"
+    assert str(made) == "not rehearsed: OpenVPN is not installed on this computer"
 
 
 def test_proof_is_stored_per_link_and_damaged_file_is_ignored(tmp_path: Path) -> None:

@@ -119,7 +119,7 @@ def test_missing_modem_is_reported(tmp_path: Path) -> None:
 def test_stopped_modem_manager_is_not_started(tmp_path: Path) -> None:
     with bus(tmp_path) as address, pytest.raises(MmUnreachable) as caught:
         read(address)
-    assert str(caught.value) == "ModemManager does not run on this computer"
+    assert str(caught.value) == "ModemManager is not running on this computer"
 
 
 def test_missing_dbus_is_reported(tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def test_connection_closed_without_reply_is_not_retried(tmp_path: Path) -> None:
 def test_endless_handshake_is_abandoned() -> None:
     with raw(lambda line: slowly(line, b"\x16\x03\x03\x40\x00" + bytes(10_000))) as port:
         at = RutosEndpoint("127.0.0.1", port, "reader", Secret("x"), "00" * 32, timeout_s=0.5)
-        with pytest.raises(RutosUnreachable, match="does not answer"):
+        with pytest.raises(RutosUnreachable, match="does not respond"):
             read(at)
 
 

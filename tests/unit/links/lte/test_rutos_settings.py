@@ -86,9 +86,9 @@ def test_pin_is_set_only_while_the_sim_requires_it() -> None:
         (HOME, PIN, "sent at noon", None),
         (LOCKED, PIN, "", None),
         (LOCKED, PIN, "sent at noon", "sent at noon"),
-        (LOCKED, None, "", "none is declared"),
-        (dataclasses.replace(LOCKED, pin_refused=True), PIN, "", "has refused the PIN"),
-        (dataclasses.replace(LOCKED, pin_tries_left=1), PIN, "", "one try left"),
+        (LOCKED, None, "", "none in the inventory"),
+        (dataclasses.replace(LOCKED, pin_refused=True), PIN, "", "the SIM refused the PIN"),
+        (dataclasses.replace(LOCKED, pin_tries_left=1), PIN, "", "the SIM has one PIN try left"),
         (dataclasses.replace(LOCKED, state=Registration.SIM_PUK_REQUIRED), PIN, "", "asks for its PUK"),
     ],
 )
@@ -99,7 +99,9 @@ def test_reasons_not_to_set_a_pin(reading: LteReading, pin: Secret | None, tried
 
 def test_saved_pin_that_did_not_unlock_is_wrong() -> None:
     sections = parse_show(SHOWN + "simcard.@sim[0].pincode='1234'\n")
-    assert "has the declared PIN saved" in str(why_pin_blocks(LOCKED, LteSettings(pin=PIN), sections, pin_refusal=""))
+    assert "the unit has the inventory's PIN stored" in str(
+        why_pin_blocks(LOCKED, LteSettings(pin=PIN), sections, pin_refusal="")
+    )
 
 
 @pytest.mark.parametrize(

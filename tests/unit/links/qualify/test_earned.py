@@ -74,7 +74,7 @@ def test_gap_longer_than_the_train_can_show_is_inconclusive(gap_s: float, verdic
     judged = {item.criterion: item for item in judge(train_figures(samples, "train"), limits)}
     assert judged["longest gap"].verdict is verdict
     if verdict is Verdict.INCONCLUSIVE:
-        assert judged["longest gap"].reason == "a gap of 120 s cannot be seen in 120 s"
+        assert judged["longest gap"].reason == "a gap of 120 s cannot be detected in 120 s"
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_gap_cut_off_by_the_train_is_inconclusive(gaps: tuple[tuple[float, float
     judged = {item.criterion: item for item in judge(train_figures(samples, "train"), profile("satellite"))}
     assert judged["longest gap"].verdict is verdict
     if verdict is Verdict.INCONCLUSIVE:
-        assert judged["longest gap"].reason == "a gap at the beginning or the end of the train may have been longer"
+        assert judged["longest gap"].reason == "a gap at the beginning or end of the packet train may have been longer"
 
 
 def test_gap_at_the_end_is_inconclusive_without_counters() -> None:
@@ -118,7 +118,7 @@ def test_links_without_counters_are_inconclusive() -> None:
     )
     counts, traffic = [meant, LinkCount(link="satellite")], TunnelTraffic(100, 14_000)
     verdict, reason = judge_way("4g", counts, 100, 100, 0)
-    assert (verdict, reason) == (Verdict.INCONCLUSIVE, "the router has not told what it counted on satellite")
+    assert (verdict, reason) == (Verdict.INCONCLUSIVE, "the router did not report its counters on satellite")
     assert judge_tunnel("4g", counts, traffic, traffic)[0] is Verdict.INCONCLUSIVE
 
 

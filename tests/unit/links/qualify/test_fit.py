@@ -43,12 +43,12 @@ def test_link_closed_to_dds_is_reported(tmp_path: Path) -> None:
     """It is said what would go over it; that it fits there is no reason to leave a warning out."""
     declaration = load(SHIPPED)
     links = fit(declaration, tmp_path, POSE).links
-    told = "DDS does not cross satellite: it would with `dds: true` at the link"
+    told = "DDS does not use satellite: set `dds: true` at the link to allow it"
     assert [told in link.warnings for link in links] == [False, False, True]
     slow = declaration.sites["coastal"].bearers[-1]
     only = declaration.sites["coastal"].model_copy(update={"bearers": (slow,)})
     alone = publishing(replace(declaration, sites={**declaration.sites, "coastal": only}), POSE)
-    told = "no link of coastal that DDS may cross carries what `sparus` publishes, also at the lowest useful rates"
+    told = "no DDS link of coastal carries what `sparus` publishes, even at the lowest useful rates"
     assert told in [found.message for found in unfit_vehicles(alone, NOW)]
 
 
@@ -78,7 +78,9 @@ def test_declared_rate_is_inconclusive(shipped: Inventory, tmp_path: Path) -> No
     found = fit(shipped, tmp_path, POSE)
     assert [link.link.name for link in found.links] == ["wifi-ptp", "4g", "satellite"]
     assert {(link.verdict, link.word) for link in found.links} == {(Verdict.INCONCLUSIVE, "fits")}
-    assert {link.reason for link in found.links} == {"only the declared rate is known: nobody has measured this link"}
+    assert {link.reason for link in found.links} == {
+        "only the rate in the inventory is known: this link was not measured"
+    }
     assert found.exit is ExitCode.CHECKS_FAILED
 
 
@@ -95,14 +97,14 @@ def test_bytes_equal_those_of_the_standing_traffic(shipped: Inventory, tmp_path:
 def test_unmeasured_direction_is_reported(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path)
     link = satellite(shipped, tmp_path, POSE)
-    assert link.capacity.source == "measured up, declared down"
+    assert link.capacity.source == "measured up, from inventory down"
     assert link.capacity.run == run
     # The run has filled the link upwards only, so the way to the site is the declared one, and that is said.
     assert link.capacity.pace.up_bps == pytest.approx(352_000 - 4 * 200 * 8, rel=0.05)  # less the train beside it
     assert link.capacity.down_bps == 704_000
     assert (link.verdict, link.reason) == (
         Verdict.INCONCLUSIVE,
-        "the run has no capacity to the site: the declared one is taken",
+        "the run measured no capacity to the site: the inventory's is used",
     )
     assert link.capacity.loss == 0.0
     assert link.topics[0].message_loss == 0.0
@@ -127,11 +129,11 @@ def test_measured_run_in_both_directions_passes(shipped: Inventory, tmp_path: Pa
 @pytest.mark.parametrize(
     ("changes", "doubt"),
     [
-        ({"way": Verdict.FAIL}, "the run does not prove that it went over satellite"),
-        ({"way": Verdict.INCONCLUSIVE}, "the run does not prove that it went over satellite"),
+        ({"way": Verdict.FAIL}, "the run does not prove that it used satellite"),
+        ({"way": Verdict.INCONCLUSIVE}, "the run does not prove that it used satellite"),
         (
             {"begun": NOW - timedelta(days=30, seconds=1)},
-            "the run is older than `qualified_within_days` of the checklist admits",
+            "the run is older than `qualified_within_days` of the checklist allows",
         ),
     ],
 )
@@ -148,7 +150,7 @@ def test_emulated_run_is_used_only_by_name(shipped: Inventory, tmp_path: Path) -
     assert named.capacity.run == run
     assert (named.verdict, named.reason) == (
         Verdict.INCONCLUSIVE,
-        "the run was emulated: it says nothing of the real link",
+        "the run was emulated: it proves nothing about the real link",
     )
 
 
@@ -172,7 +174,7 @@ def test_loss_applies_to_each_fragment(shipped: Inventory, tmp_path: Path) -> No
     assert pose.message_loss == pytest.approx(loss)
     assert camera.cost.fragments == 6
     assert camera.message_loss == again.message_loss == pytest.approx(1 - (1 - loss) ** 6)
-    said = [words for words in link.warnings if "would not arrive whole" in words]
+    said = [words for words in link.warnings if "of the messages would be incomplete" in words]
     assert [words.split()[1] for words in said] == ["/camera"]
     assert any("/again takes 22 packets, because it is reliable" in words for words in link.warnings)
 
@@ -180,7 +182,7 @@ def test_loss_applies_to_each_fragment(shipped: Inventory, tmp_path: Path) -> No
 def test_point_clouds_are_thinned_before_images_and_numbers(shipped: Inventory, tmp_path: Path) -> None:
     """To rates that fit, as high as they may be."""
     link = satellite(shipped, tmp_path, POSE, CAMERA, SONAR)
-    assert (link.verdict, link.word) == (Verdict.FAIL, "fits when thinned")
+    assert (link.verdict, link.word) == (Verdict.FAIL, "fits at reduced rates")
     pose, camera, sonar = link.topics
     assert (pose.rate_hz, pose.is_thinned) == (2.0, False)
     assert sonar.rate_hz == 0.1
@@ -212,7 +214,7 @@ def test_reliable_topics_are_thinned_when_necessary(shipped: Inventory, tmp_path
     """Their cost depends on the rate: what comes out still fits."""
     image = {**CAMERA, "size_bytes": 3000, "rate_hz": 5.0, "reliable": True}
     link = satellite(shipped, tmp_path, POSE, image)
-    assert link.word == "fits when thinned"
+    assert link.word == "fits at reduced rates"
     assert link.capacity.admits(link.thinned_up_bps, link.thinned_down_bps)
     assert link.down_bps > link.other_down_bps
 
@@ -236,7 +238,7 @@ def test_long_message_that_delays_others_is_a_warning(shipped: Inventory, tmp_pa
     (link,) = fit(shipped, tmp_path, {**SONAR, "rate_hz": 0.1, "size_bytes": 100_000}, link="satellite").links
     assert link.fits
     assert link.topics[0].seconds == pytest.approx(100_000 * 8 / 352_000, rel=0.25)
-    assert "what comes behind it waits" in link.warnings[-1]
+    assert "s to leave the site and delays those behind it" in link.warnings[-1]
 
 
 def test_cost_per_hour_and_per_day(shipped: Inventory, tmp_path: Path) -> None:

@@ -156,4 +156,4 @@ def test_run_of_an_earlier_version_has_unknown_offered_load() -> None:
         run(net, peer, streams, unlimited(net))
     old = [replace(each, due_ns=None) if isinstance(each, MessageResult) else each for each in recording.samples]
     (row,) = make_record(measured_run(), old).load
-    assert (row.verdict, row.doubt) == (Verdict.INCONCLUSIVE, "what was offered is not known")
+    assert (row.verdict, row.doubt) == (Verdict.INCONCLUSIVE, "the offered rate is unknown")

@@ -51,7 +51,7 @@ def test_a_screen_shows_every_section_within_eighty_columns() -> None:
     assert re.search(r"^  PASS +FTD, round trip, 95 %: \d+ ms, limit 1500 ms", text, re.MULTILINE)
     assert re.search(r"^  640x480 q60 +2 .* 326\.0 FAIL: loss", text, re.MULTILINE)
     assert re.search(r"^  160x120 q30 +24\.7 Hz +the queue grows +proved +179\.8 MB/h", text, re.MULTILINE)
-    assert "the traffic left by this link" in re.sub(r"\s+", " ", text)
+    assert "the traffic used this link" in re.sub(r"\s+", " ", text)
 
 
 @pytest.mark.usefixtures("portuguese")
@@ -62,8 +62,8 @@ def test_portuguese_screen_fits_80_columns() -> None:
 @pytest.mark.parametrize(
     ("way", "words"),
     [
-        (Verdict.FAIL, "the traffic left by another link"),
-        (Verdict.INCONCLUSIVE, "that it left by this link is not proved"),
+        (Verdict.FAIL, "the traffic used another link"),
+        (Verdict.INCONCLUSIVE, "it is not proved that the traffic used this link"),
     ],
 )
 def test_unproved_route_is_shown(way: Verdict, words: str) -> None:
@@ -174,7 +174,7 @@ def test_round_trips_are_plotted_at_the_right_position() -> None:
     assert not [x for x, _, _ in columns if x0 + 42 / 100 * (x100 - x0) < x < x0 + 109 / 100 * (x100 - x0)], "the gap"
     ticks = sorted(int(x) for x in re.findall(r"M(\d+),", lost))
     assert ticks[0] == pytest.approx(x0 + 40 / 100 * (x100 - x0), abs=3)
-    assert f"unanswered: {record.idle.loss.lost}, ticks at the top" in texts
+    assert f"no response: {record.idle.loss.lost}, ticks at the top" in texts
     assert zero > half, "more stands above"
 
 
@@ -211,7 +211,7 @@ def test_pdf_has_the_same_content_as_the_page(tmp_path: Path) -> None:
     text = re.sub(r"\s+", " ", found.stdout)
     for section in sections(record):
         assert section.title in text
-    assert text.count("Of Tables 33 and 34 of the report only the titles are known") == 2
+    assert text.count("Only the titles of Tables 33 and 34 of the report are known") == 2
     pages = found.stdout.split("\f")[:-1]
     assert all("EMULATED LINK" in page for page in pages), "a page that was torn off is known as well"
     assert text.count("EMULATED LINK") >= len(pages) + 7, "and every figure"
@@ -234,12 +234,15 @@ def test_two_runs_are_compared() -> None:
     assert compare_runs(second, first).figures[8].change is FigureTrend.BETTER
     assert found.remarks == (
         "the links differ: satellite and 4g",
-        "one of them was measured over an emulated link: it says nothing of a real one",
+        "one of them was measured over an emulated link: it does not apply to a real link",
     )
     assert compare_runs(first, first).remarks == ()
     facts = {item.title: (item.first, item.second) for item in found.facts}
     assert facts["signal"] == ("5 bars", "5 bars")
-    assert facts["this computer's clock"] == ("not known to be synchronised", "not known to be synchronised")
+    assert facts["this computer's clock"] == (
+        "unknown whether it is synchronised",
+        "unknown whether it is synchronised",
+    )
 
 
 def test_device_facts_are_compared_side_by_side() -> None:
@@ -247,8 +250,8 @@ def test_device_facts_are_compared_side_by_side() -> None:
     second, _ = drawn(idle_text(), measured_run(facts={"RSRP": "-101 dBm"}, clock_synchronised=True))
     lines = "\n".join(printable.plain(row) for row in comparison_rows(first, second, compare_runs(first, second)))
     assert "RSRP: A: -90 dBm; B: -101 dBm" in lines
-    assert "router: A: example, RouterOS 7.18.2; B: not known" in lines
-    assert "this computer's clock: A: not known to be synchronised; B: synchronised" in lines
+    assert "router: A: example, RouterOS 7.18.2; B: unknown" in lines
+    assert "this computer's clock: A: unknown whether it is synchronised; B: synchronised" in lines
     assert "tool: 0.0.0\n" in lines
 
 
@@ -272,7 +275,7 @@ def two_runs(state: Path) -> None:
 def test_show_passes_only_when_every_criterion_does(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     two_runs(state)
     assert main(["measure", "show", "site=coastal", f"run={OLD}"]) == 0
-    assert "PASS: 8 of 8 criteria of `satellite` hold" in capsys.readouterr().out
+    assert "PASS: 8 of 8 criteria of `satellite` are met" in capsys.readouterr().out
     assert main(["measure", "show", "site=coastal", "--json"]) == 6, "the newest one has lost 5 %"
     found = json.loads(capsys.readouterr().out)
     assert found["record"]["run"]["id"] == NEW
@@ -304,10 +307,10 @@ def test_compare_and_history(state: Path, capsys: pytest.CaptureFixture[str]) ->
         ("show site=coastal", 7, "`coastal` has no real measurement"),
         ("history site=coastal", 7, "`coastal` has no real measurement"),
         ("show site=coastal run=EXAMPLE", 7, "coastal has no measurement `EXAMPLE`"),
-        ("show site=coastal run=EXAMPLE link=4g", 3, "name a measurement each"),
-        ("compare site=coastal run=EXAMPLE", 3, "two measurements are compared, and 1 were named"),
-        ("show site=../EXAMPLE", 3, "cannot be the name of a site"),
-        ("show site=coastal --thresholds EXAMPLE", 3, "no profile of thresholds is named `EXAMPLE`"),
+        ("show site=coastal run=EXAMPLE link=4g", 3, "`run=` and `link=` cannot be used together"),
+        ("compare site=coastal run=EXAMPLE", 3, "exactly two measurements are needed, not 1"),
+        ("show site=../EXAMPLE", 3, "` is not a valid site name"),
+        ("show site=coastal --thresholds EXAMPLE", 3, "unknown threshold profile `EXAMPLE`"),
     ],
 )
 def test_mistakes_are_reported(
@@ -337,9 +340,9 @@ def test_advised_commands_work(
 def test_other_kind_of_runs_is_only_mentioned(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put_run(state / "rehearsal" / "coastal" / "qualify", None, "")
     assert main(["measure", "show", "site=coastal"]) == 7
-    assert "`--rehearse` shows those of rehearsals" in capsys.readouterr().err
+    assert "`--rehearse` shows rehearsed measurements" in capsys.readouterr().err
     assert main(["measure", "history", "site=coastal", "link=4g", "--rehearse"]) == 7
-    assert "there are measurements of: satellite" in capsys.readouterr().err
+    assert "links with measurements: satellite" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

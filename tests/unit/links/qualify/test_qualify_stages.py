@@ -131,7 +131,7 @@ def test_rehearsal_takes_under_a_minute_and_passes_on_good_links(name: str) -> N
 
 def test_rehearsal_states_which_gaps_it_can_detect() -> None:
     assert thresholds_of(BEARERS["satellite"], is_rehearsal=True) == (
-        "satellite, gaps up to 5 s in a rehearsal",
+        "satellite, outages up to 5 s in a rehearsal",
         profile("satellite").model_copy(update={"gap_s": 5.0}),
     )
     assert thresholds_of(BEARERS["4g"], is_rehearsal=True) == thresholds_of(BEARERS["4g"])
@@ -183,7 +183,7 @@ def test_good_link_passes_every_criterion_and_tables_are_printed() -> None:
     assert found.exit is ExitCode.DONE
     lines = [*found.lines()]
     assert max(map(len, lines)) <= 100
-    assert any("emulated: these figures say nothing of a real link" in line for line in lines)
+    assert any("emulated: these figures prove nothing about a real link" in line for line in lines)
     assert found.as_json()["exit"] == 0
 
 
@@ -207,7 +207,7 @@ def test_only_a_complete_run_over_the_right_route_is_done(changes: dict[str, obj
 def test_silent_link_never_passes() -> None:
     dead = network(LinkShape(loss=1.0), LinkShape())
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, net=dead)
-    assert measured.measure() == "no answer"
+    assert measured.measure() == "no response"
     for cell in measured.plan.cells[:2]:
         measured._measure_cell(cell)
     measured._search_rate(200)
@@ -304,7 +304,7 @@ def test_far_end_with_another_host_key_is_reported(ssh: Path) -> None:
 
 def test_nothing_is_measured_when_the_far_end_cannot_be_opened(ssh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (ssh / "says").write_text("echo 'Unit atlantis-qualify.service not found.' >&2; exit 5")
-    words = "scc-control did not open the far end of measurements: Unit atlantis-qualify.service not found."
+    words = "scc-control did not start the far end of the measurement: Unit atlantis-qualify.service not found."
     with pytest.raises(FarEndUnavailable, match=words) as closed:
         open_far_end(DECLARED, Request(state=ssh))
     assert closed.value.exit is ExitCode.FAILED

@@ -112,7 +112,7 @@ def test_nothing_passes_without_an_idle_train() -> None:
     assert record.verdict is Verdict.INCONCLUSIVE
     assert record.judgements == ()
     assert {row.verdict for row in record.telemetry} == {Verdict.INCONCLUSIVE}
-    assert all("nothing without load" in row.reason for row in record.telemetry)
+    assert all("no measurement without load to compare with" in row.reason for row in record.telemetry)
 
 
 def test_truncated_stream_does_not_pass() -> None:

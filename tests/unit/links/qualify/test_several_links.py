@@ -108,14 +108,14 @@ def test_dead_link_ends_early_and_the_others_are_measured() -> None:
     found = together(stand)
     assert [(each.run.link, each.run.reason) for each in found.results] == [
         ("wifi-ptp", "done"),
-        ("4g", "no answer"),
+        ("4g", "no response"),
         ("satellite", "done"),
     ]
     assert [each.exit for each in found.results] == [ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.DONE]
     assert found.exit is ExitCode.CHECKS_FAILED
     down = found.results[1]
     assert down.record.verdict is not Verdict.PASS
-    assert any("nothing was answered, so the rest was left out" in line for line in down.lines())
+    assert any("no response, so the rest was skipped" in line for line in down.lines())
     assert down.record.telemetry == ()
 
 
@@ -135,7 +135,7 @@ def test_unknown_router_state_stops_all_measurements() -> None:
 def test_user_stop_ends_all_and_lists_unmeasured_links() -> None:
     found = together(Stand(stopped="4g"))
     assert [each.run.link for each in found.results] == ["wifi-ptp", "4g"]
-    assert [each.line() for each in found.not_measured] == ["satellite: not measured: the measurement was stopped"]
+    assert [each.line() for each in found.not_measured] == ["satellite: not measured: the measurement was interrupted"]
     assert found.exit is not ExitCode.DONE
 
 
@@ -152,7 +152,7 @@ def test_link_cap_applies_to_its_link_and_total_limit_to_all() -> None:
     limited = together(Stand(), max_bytes=400_000)
     assert [(each.run.link, each.run.reason) for each in limited.results] == [("wifi-ptp", "done"), ("4g", "bytes")]
     assert [each.line() for each in limited.not_measured] == [
-        "satellite: not measured: the limit of bytes was used up before"
+        "satellite: not measured: the data limit was reached before"
     ]
     assert limited.exit is ExitCode.CHECKS_FAILED
 
@@ -163,7 +163,7 @@ def test_price_limit_applies_to_metered_links_only() -> None:
         ("satellite", "money"),
         ("wifi-ptp", "done"),
     ]
-    assert [(each.link, each.why) for each in found.not_measured] == [("4g", "the limit of money was used up before")]
+    assert [(each.link, each.why) for each in found.not_measured] == [("4g", "the cost limit was reached before")]
 
 
 def test_lost_replies_are_billed() -> None:
@@ -185,14 +185,14 @@ def test_price_limit_needs_a_tariff_in_the_same_currency() -> None:
     limits = BudgetLimits(max_price=Decimal(1))
     assert preview(SATELLITE, limits, DECLARED)
     assert preview(WIFI, limits, DECLARED)
-    with pytest.raises(UsageError, match="the tariff of `4g` is not declared in EUR") as caught:
+    with pytest.raises(UsageError, match="the tariff of `4g` is not in the inventory in EUR") as caught:
         preview(MOBILE, limits, DECLARED)
-    assert caught.value.hint == "declare `billing` of bearer `4g` in group_vars/coastal.yml"
+    assert caught.value.hint == "declare `billing` of link `4g` in group_vars/coastal.yml"
     billing = SATELLITE.billing
     assert billing is not None
     dollars = MOBILE.model_copy(update={"billing": billing.model_copy(update={"currency": "USD"})})
     site = DECLARED.sites["coastal"].model_copy(update={"bearers": (WIFI, dollars, SATELLITE)})
-    with pytest.raises(UsageError, match="the tariff of `4g` is not declared in EUR"):
+    with pytest.raises(UsageError, match="the tariff of `4g` is not in the inventory in EUR"):
         preview(dollars, limits, replace(DECLARED, sites={**DECLARED.sites, "coastal": site}))
 
 

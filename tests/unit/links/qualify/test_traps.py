@@ -101,7 +101,7 @@ def test_few_packets_outside_of_gaps_do_not_pass() -> None:
     _, samples = run_train(net, TrainPlan(172, 0.2, 120))
     judged = {item.criterion: item for item in judge(train_figures(samples, "train"), profile("satellite"))}
     assert judged["FLR up"].verdict is Verdict.INCONCLUSIVE
-    assert judged["FLR up"].reason == "only 250 packets outside of gaps, 300 are needed"
+    assert judged["FLR up"].reason == "only 250 packets outside of gaps, at least 300 are needed"
 
 
 def test_goodput_is_measured_at_the_receiver() -> None:
@@ -210,7 +210,7 @@ def test_reflector_copying_sequence_numbers_gives_no_one_way_loss() -> None:
     loss = train_figures(samples, "train").loss
     assert loss.lost > 5
     assert (loss.up, loss.down) == (None, None)
-    assert loss.why == "the reflector may only copy the sender's numbers"
+    assert loss.why == "the reflector may merely copy the sender's numbers"
 
 
 def test_restarted_reflector_gives_no_one_way_loss() -> None:
@@ -225,7 +225,7 @@ def test_restarted_reflector_gives_no_one_way_loss() -> None:
     _, samples = run_train(net, TrainPlan(172, 0.25, 100))
     loss = train_figures(samples, "train").loss
     assert (loss.up, loss.down) == (None, None)
-    assert loss.why == "the reflector began to count again in this train"
+    assert loss.why == "the reflector restarted its count during this packet train"
 
 
 def test_rate_limited_replies_are_not_link_loss() -> None:
@@ -266,7 +266,7 @@ def test_silence_is_inconclusive_until_a_gap_would_have_ended(seconds: int, verd
     _, samples = run_train(net, TrainPlan(172, 0.25, seconds))
     figures = train_figures(samples, "train")
     assert (figures.rtt, figures.rpm, figures.up) == (None, None, None)
-    assert figures.loss.why == "nothing was answered"
+    assert figures.loss.why == "no responses"
     assert [j.verdict for j in judge(figures, profile("satellite"))] == [verdict]
 
 
@@ -299,5 +299,5 @@ def test_stop_keeps_samples_and_truncated_line_is_skipped() -> None:
 
 def test_edited_line_is_reported() -> None:
     lines = ['{"kind":"end","stream":"a","ended_at_ns":5,"reason":"done"}\n', '{"kind":"end","stream":"a"}\n']
-    with pytest.raises(SamplesUnreadable, match=r"run\.jsonl:2: this line is no sample of a measurement"):
+    with pytest.raises(SamplesUnreadable, match=r"run.jsonl:2: this line is not a measurement sample"):
         list(read(lines, "run.jsonl"))

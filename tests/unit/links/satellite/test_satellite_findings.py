@@ -121,15 +121,19 @@ FORBIDDEN = replace(ALLOWED, expected_outcome=ExpectedOutcome.REFUSED, outcome=P
     [
         (ALLOWED, Verdict.PASS, "was reached after 71 s over the satellite"),
         (replace(ALLOWED, outcome=ProbeOutcome.SILENT), Verdict.FAIL, "did not answer in 90 s"),
-        (replace(ALLOWED, outcome=ProbeOutcome.SILENT, window_s=89.9), Verdict.INCONCLUSIVE, "an ordinary gap"),
+        (
+            replace(ALLOWED, outcome=ProbeOutcome.SILENT, window_s=89.9),
+            Verdict.INCONCLUSIVE,
+            "s without a response are a normal gap of this link",
+        ),
         (
             replace(
-                ALLOWED, outcome=ProbeOutcome.SILENT, probe=SatelliteProbe.UDP_COUNTER, note="no answers were counted"
+                ALLOWED, outcome=ProbeOutcome.SILENT, probe=SatelliteProbe.UDP_COUNTER, note="no responses were counted"
             ),
             Verdict.INCONCLUSIVE,
-            "no answers were counted",
+            "no responses were counted",
         ),
-        (replace(ALLOWED, outcome=ProbeOutcome.REFUSED_HERE), Verdict.FAIL, "is allowed, and the router refuses it"),
+        (replace(ALLOWED, outcome=ProbeOutcome.REFUSED_HERE), Verdict.FAIL, "is allowed, but the router refuses it"),
         (
             replace(ALLOWED, outcome=ProbeOutcome.NOT_TRIED, note="no way"),
             Verdict.INCONCLUSIVE,
@@ -137,9 +141,13 @@ FORBIDDEN = replace(ALLOWED, expected_outcome=ExpectedOutcome.REFUSED, outcome=P
         ),
         (FORBIDDEN, Verdict.PASS, "was not reached in 90 s"),
         (replace(FORBIDDEN, outcome=ProbeOutcome.REFUSED_HERE), Verdict.PASS, "nothing was sent"),
-        (replace(FORBIDDEN, outcome=ProbeOutcome.ANSWERED), Verdict.FAIL, "is not allowed, and was reached"),
+        (
+            replace(FORBIDDEN, outcome=ProbeOutcome.ANSWERED),
+            Verdict.FAIL,
+            "is not allowed, but was reached over the satellite",
+        ),
         (replace(FORBIDDEN, outcome=ProbeOutcome.ANSWERED, filter_open=True), Verdict.WARN, "only the router enforces"),
-        (replace(FORBIDDEN, filter_open=True), Verdict.PASS, "the terminal or the network refuses it"),
+        (replace(FORBIDDEN, filter_open=True), Verdict.PASS, "the terminal or the network blocks it"),
         (replace(FORBIDDEN, filter_open=True, window_s=30.0), Verdict.INCONCLUSIVE, "too short to tell"),
     ],
 )

@@ -16,7 +16,7 @@ from atlantis_netcfg.operations.links.session import Echo, RouterReading, SeenNe
 from atlantis_netcfg.operations.links.status import BoxesStatus, SeenLinks, Silent, link_status, rank, twice
 
 CASES = yaml.safe_load(Path(__file__).with_name("bearer_cases.yml").read_text(encoding="utf-8"))
-SILENT = Silent("box", "nobody answers", "has it power?")
+SILENT = Silent("box", "no response", "has it power?")
 
 
 def finding(text: str) -> LinkFinding:
@@ -76,7 +76,7 @@ def test_duplicate_address_is_reported_on_both_links() -> None:
     found = twice(both)
     assert [name for name, _ in found] == ["4g", "sat"]
     assert {one.code for _, one in found} == {"address-twice"}
-    assert "192.168.1.1 answers on ether2 (4g) and ether3 (sat)" in found[0][1].message
+    assert "192.168.1.1 responses on ether2 (4g) and ether3 (sat)" in found[0][1].message
     assert twice(both[:1]) == ()
 
 
@@ -99,7 +99,7 @@ def test_findings_from_the_preference_order(states: tuple[str, ...], active: str
     given = [status(name, state, active=name == active) for name, state in zip(names, states, strict=True)]
     found = rank(given, 120)
     assert {one.name: finding.code for one in found for finding in one.findings} == codes
-    paid = [finding.message for one in found for finding in one.findings if "every byte is paid" in finding.message]
+    paid = [finding.message for one in found for finding in one.findings if "and it is metered" in finding.message]
     assert len(paid) == (active == "4g")
 
 

@@ -47,14 +47,14 @@ def test_wrong_peer_is_reported() -> None:
 
 
 def test_peer_is_not_judged_while_the_far_end_is_silent() -> None:
-    silent = Silent("scc-cpe", "nobody answers")
+    silent = Silent("scc-cpe", "no response")
     own = of_bridge((NEAR, radio("near", "other")), (FAR, silent))
     assert (own.state, codes(own), own.silent) == (LinkState.UP, [], (silent,))
     assert "far_signal_dbm" not in own.quality
 
 
 def test_silent_far_end_of_a_down_bridge_is_inconclusive() -> None:
-    own = of_bridge((NEAR, radio("near", None)), (FAR, Silent("scc-cpe", "nobody answers", "has it power?")))
+    own = of_bridge((NEAR, radio("near", None)), (FAR, Silent("scc-cpe", "no response", "has it power?")))
     assert [f"{one.verdict.value} {one.code}" for one in own.findings] == [
         "FAIL not-associated",
         "INCONCLUSIVE far-end-unreachable",
@@ -63,7 +63,7 @@ def test_silent_far_end_of_a_down_bridge_is_inconclusive() -> None:
 
 
 def test_silent_near_end_shows_only_the_far_signal() -> None:
-    own = of_bridge((NEAR, Silent("coastal-cpe", "nobody answers")), (FAR, radio("far", "near", -52)))
+    own = of_bridge((NEAR, Silent("coastal-cpe", "no response")), (FAR, radio("far", "near", -52)))
     assert own.quality == {"far_signal_dbm": -52.0}
     assert own.state is LinkState.UP
 

@@ -31,10 +31,10 @@ def test_where_both_are_on_cables_the_site_decides(declaration: Inventory, name:
 
 
 def test_ambiguous_location_is_refused(declaration: Inventory) -> None:
-    with pytest.raises(UsageError, match="either may be the near one") as refused:
+    with pytest.raises(UsageError, match="and the near one is not known") as refused:
         bridges(declaration, BOTH)
     assert "coastal" in (refused.value.hint or "")
-    with pytest.raises(UsageError, match="over the bridge that they make"):
+    with pytest.raises(UsageError, match="are both reached over the bridge between them"):
         bridges(declaration, BOTH, via=dict.fromkeys(BOTH, ptp(declaration)))
 
 

@@ -106,7 +106,7 @@ def test_gateway_over_a_metered_link_needs_consent(declaration: Inventory, tmp_p
     both = preview_costs(declaration, [gateway, declaration.hosts[ROUTER]], request(tmp_path))
     assert both == preview_costs(declaration, [declaration.hosts[ROUTER]], request(tmp_path)), "each by its own way"
     require_consent(declaration, [gateway], Request(state=tmp_path, mode=Mode.BACKUP, **over))
-    with pytest.raises(CostRefusal, match="no action may send more than"):
+    with pytest.raises(CostRefusal, match="the limit for one action is"):
         require_consent(capped(declaration, 0.05), [gateway], Request(state=tmp_path, accept_cost=True, **over))
 
 
@@ -135,7 +135,7 @@ def test_unknown_link_is_always_refused(declaration: Inventory, tmp_path: Path) 
 def test_consent_does_not_lift_the_cap(declaration: Inventory, tmp_path: Path) -> None:
     with pytest.raises(CostRefusal, match=r"no action may send more than 1\.0 kB there") as refused:
         require_consent(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, accept_cost=True))
-    assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
+    assert "`cap_mb` of link `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
 
 
 def test_declared_metered_link_is_priced_by_default(declaration: Inventory, tmp_path: Path) -> None:
@@ -257,12 +257,11 @@ def test_run_stops_when_traffic_falls_back_to_a_metered_link(declaration: Invent
     refused = meter.judge(routes("4g"), SMALL, spends=True, is_plan=False)
     (note,) = refused.notes
     assert note == (
-        f"{ROUTER} is declared to be reached over wifi-ptp, but its traffic goes over 4g now,"
-        " which is paid by the byte: wifi-ptp is down"
+        f"the inventory reaches {ROUTER} over wifi-ptp, but its traffic uses 4g now, which is metered: wifi-ptp is down"
     )
     assert refused.refusal is not None
-    assert refused.refusal.startswith("nobody has agreed to pay for it: over 4g of coastal")
-    assert refused.hint == "type the same with `--accept-cost`, or wait until wifi-ptp is back"
+    assert refused.refusal.startswith("the cost was not accepted: over 4g of coastal")
+    assert refused.hint == "run the same command with `--accept-cost`, or wait until wifi-ptp is up again"
     for harmless in ({"spends": False, "is_plan": False}, {"spends": True, "is_plan": True}):
         told = meter.judge(routes("4g"), SMALL, **harmless)
         assert (told.notes, told.refusal) == (refused.notes, None)
@@ -335,7 +334,7 @@ def test_bill_is_reported_recorded_and_added_to_the_month(declaration: Inventory
     assert cost["bill"]["payload_bytes"] == 50_000 * 112 // 100 + 2 * 600
     assert cost["bill"]["price"] == "0.4576"
     assert cost["router"] == {"interface": "ether3", "rx_bytes": 40_000, "tx_bytes": 30_000, "bytes": 70_000}
-    assert cost["bill_words"] == ("57 kB, 0.46 EUR; the router counted 70 kB on ether3, others' traffic included")
+    assert cost["bill_words"] == ("57 kB, 0.46 EUR; the router counted 70 kB on ether3, including other traffic")
     assert journal.records == [
         CostRecord(
             device=ROUTER,
@@ -383,7 +382,7 @@ def test_unreadable_monthly_usage_is_reported_and_results_are_kept(declaration: 
     costs = Costs(declaration, request(tmp_path, accept_cost=True))
     told = costs.report(ended(counts=(counts(1, 1), counts(2, 2)), notes=("kept",)), Journal(), Store(tmp_path))
     assert told["notes"][0] == "kept"
-    assert told["notes"][1].startswith("the bytes of this month cannot be read")
+    assert told["notes"][1].startswith("the data usage of this month cannot be read")
     assert told["cost"]["router"]["bytes"] == 2
 
 

@@ -99,7 +99,7 @@ def test_gateway_with_example_values_is_refused(tmp_path: Path) -> None:
 
 
 def test_unknown_part_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no part of a computer"):
+    with pytest.raises(UsageError, match="` is not a part of a computer"):
         ask(tmp_path, "gateway_misspelt", rehearsed=True)
 
 
@@ -127,7 +127,7 @@ def test_nothing_to_change(watch: Watch, listener: Listener) -> None:
     watch.start_task(HOST, "Configure")
     watch.ok(HOST, "Configure", {"changed": False})
     watch.end(set())
-    assert outcome(listener)["message"] == "as declared, nothing to change"
+    assert outcome(listener)["message"] == "matches the inventory, nothing to change"
 
 
 def test_failure_names_task_reason_and_hint(watch: Watch, listener: Listener, tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ def test_host_is_unreached_only_if_it_never_responded(
     result = outcome(listener)
     assert result["status"] == status
     assert result["message"] == ("Install: " if answered else "not reached: ") + "Connection timed out"
-    assert result["hint"] == "look at its power and its cable, then type the same again"
+    assert result["hint"] == "check its power and its cable, then run the same command again"
 
 
 def test_plan_takes_no_lock_and_writes_no_journal(tmp_path: Path, listener: Listener) -> None:
@@ -236,7 +236,7 @@ def test_drift_reports_what_a_run_would_change(tmp_path: Path, listener: Listene
     watch.end(set())
     result = outcome(listener)
     assert (result["status"], result["exit"]) == ("drifted", int(ExitCode.CHECKS_FAILED))
-    assert result["message"] == "2 things differ"
+    assert result["message"] == "2 differences"
     assert drift_lines(result["comparison"]).splitlines()[:3] == [
         *("  roles", "    changed  file /etc/a", "             declared")
     ]
@@ -248,7 +248,7 @@ def test_no_package_is_fetched_over_a_metered_link_without_consent(tmp_path: Pat
     asked = Request(state=tmp_path)
     assert package_sources(declaration, testbed, asked, None) == {}
     dear = package_sources(declaration, vessel, asked, None)
-    assert dear == {"limit_bytes": 0, "limit_words": "over 4g of te4sea, which is paid by the byte"}
+    assert dear == {"limit_bytes": 0, "limit_words": "over 4g of te4sea, which is metered"}
     paid = package_sources(declaration, vessel, asked.model_copy(update={"accept_cost": True}), None)
     assert paid["limit_bytes"] == 5_000_000
     assert package_sources(declaration, vessel, asked.model_copy(update={"rehearsed": True}), None) == {}

@@ -56,7 +56,7 @@ def test_a_declared_link_has_its_jitter_loss_and_gaps() -> None:
 
 def test_replayed_link_has_the_measured_shape() -> None:
     up, down = link_shapes(_bearer(), Replay(_profile(), "it"))
-    assert (up.rate_bps, down.rate_bps) == (200_000, 704_000), "what was not measured is as declared"
+    assert (up.rate_bps, down.rate_bps) == (200_000, 704_000), "what was not measured is as in the inventory"
     assert up.delays_s == pytest.approx((0.292, 0.312, 0.392)), "sending 200 octets takes 8 ms"
     assert (up.loss, up.even, up.hold_s, up.gap_cycle_s) == (0.0125, True, 0.125, 120)
     assert up.gaps == (DrawnGap(70.0), DrawnGap(3.0, carries=True))
@@ -92,7 +92,7 @@ def test_a_run_is_found_by_its_name_or_by_its_path(tmp_path: Path) -> None:
     assert missing.value.hint == f"its latest runs: {profile.run}"
     with pytest.raises(UsageError, match="te4sea has no such run") as none:
         open_replay("satellite-1", roots, ["te4sea"])
-    assert none.value.hint == "measure the link first; the path of a run's folder is taken, too"
+    assert none.value.hint == "measure the link first; the folder of a run is accepted, too"
 
 
 def test_replay_of_an_unknown_link_is_refused() -> None:
@@ -109,4 +109,4 @@ def test_replay_text_names_the_run_and_its_figures() -> None:
         "loss 1.2 % up and 0.0 % down, 2 gaps in 120 s"
     )
     reported = Replay(_profile(), "it").not_rehearsed
-    assert reported == "link satellite as it is today: it was a replay of run satellite-20261126T022248Z"
+    assert reported == "link satellite in its current state: this was a replay of run satellite-20261126T022248Z"

@@ -143,7 +143,7 @@ def test_plan_changes_nothing_and_only_the_approved_plan_is_applied(deck: Deck) 
     assert (twin.export(), twin.shell.reloads, deck.store.runs("te4sea")) == (before, 0, ())
     other = deck.run(plans={NAME: "0" * 64})
     assert ends(other) == ("left-as-found", 4, 0)
-    assert "no longer what was agreed to" in other["message"]
+    assert "the differences are no longer those that were confirmed" in other["message"]
     assert twin.export() == before
     assert ends(deck.run(plans={NAME: planned["plan_hash"]})) == ("changed", 0, 3)
 
@@ -154,7 +154,7 @@ def test_without_an_admin_user_settings_are_only_checked(deck: Deck) -> None:
     result = deck.run()
     assert ends(result) == ("unchanged", 0, 0)
     assert result["message"].startswith("checked only; registered home")
-    assert "no `admin_user` is declared" in result["notes"][-1]
+    assert "no the inventory says `admin_user`" in result["notes"][-1]
     assert twin.shell.commands == []
 
 
@@ -172,12 +172,12 @@ def test_wrong_pin_is_tried_only_once_even_if_the_inventory_changes(deck: Deck) 
     twin = deck.unit(sim=RutosSim(pin="98979695"))
     first = deck.run()
     assert (first["exit"], twin.modem.attempts, first["planned"], first["confirmed"]) == (6, 1, 1, 0)
-    assert first["message"].startswith("0 settings applied and verified, the PIN taken back; ")
+    assert first["message"].startswith("0 settings applied and verified, the PIN rolled back; ")
     assert "pincode" not in twin.export()
-    assert "the SIM has refused the PIN, and it is not tried again; tries left: 2" in first["message"]
+    assert "the SIM refused the PIN, and it is not tested again; tries left: 2" in first["message"]
     second = deck.run()
     assert ends(second) == ("left-as-found", 4, 0)
-    assert second["message"].startswith("left as found, nothing was set: the PIN was sent at ")
+    assert second["message"].startswith("not changed: the PIN was sent at ")
     assert "unlock the SIM in a telephone" in second["hint"]
     deck.rutos(f"pin: {RIGHT}, apn: internet")
     assert ends(deck.run()) == ("left-as-found", 4, 0)
@@ -204,9 +204,13 @@ def test_another_pin_may_be_tried_after_the_sim_was_unlocked(deck: Deck) -> None
 @pytest.mark.parametrize(
     ("sim", "said", "words"),
     [
-        ("apn: internet", {"sim": RutosSim(pin="98979695")}, "the SIM asks for a PIN and none is declared"),
+        ("apn: internet", {"sim": RutosSim(pin="98979695")}, "the SIM asks for a PIN, but the inventory has none"),
         (f"pin: {RIGHT}", {"sim": RutosSim(pin="98979695", tries=0)}, "asks for its PUK"),
-        (f"pin: {RIGHT}", {"sim": RutosSim(pin="98979695", tries=1)}, "the SIM has one try left, which is a person's"),
+        (
+            f"pin: {RIGHT}",
+            {"sim": RutosSim(pin="98979695", tries=1)},
+            "the SIM has one PIN try left, which is reserved for a person",
+        ),
     ],
 )
 def test_locked_sim_is_left_alone(deck: Deck, sim: str, said: dict[str, Any], words: str) -> None:
@@ -257,7 +261,7 @@ def test_unsaved_settings_are_reported(deck: Deck) -> None:
     deck.unit().shell.mute = True
     result = deck.run()
     assert ends(result) == ("left-as-found", 4, 0)
-    assert "0 of 3 settings were kept; not kept: network.mob1s1a1.auto_apn" in result["message"]
+    assert "0 of 3 settings were kept; not saved: network.mob1s1a1.auto_apn" in result["message"]
 
 
 def test_session_lost_during_a_network_reload_is_reopened(deck: Deck) -> None:
@@ -295,8 +299,8 @@ def test_replaced_unit_is_detected_by_its_serial_number(deck: Deck) -> None:
     [
         ({"pin": "0" * 64}, "the certificate is not the one of this unit"),
         ({"host_key": "SHA256:other"}, "the SSH host key is not the one"),
-        ({"port": 1}, "the 4G unit does not answer"),
-        ({"ssh": 1}, "no SSH session came about"),
+        ({"port": 1}, "the 4G unit does not respond"),
+        ({"ssh": 1}, "cannot open an SSH session"),
     ],
 )
 def test_unverified_unit_receives_no_commands(deck: Deck, changed: dict[str, Any], words: str) -> None:
@@ -316,8 +320,8 @@ def test_at_modem_settings_are_compared_but_not_set(deck: Deck) -> None:
     deck.target = {"host": "", "port": 0, "pin": "", "serial": running.path}
     result = deck.run()
     assert ends(result) == ("unchanged", 0, 0)
-    assert result["notes"][0].startswith("WARN: the APN in use is internet, the declared one is other")
-    assert result["notes"][-1] == "driver at reads only: the SIM's settings are compared, and not set"
+    assert result["notes"][0].startswith("WARN: the APN in use is internet, the inventory has other")
+    assert result["notes"][-1] == "driver at is read-only: the SIM settings are compared but not set"
     assert running.forbidden == []
     first = {name: result[name] for name in ("status", "exit", "message", "notes", "quality")}
     assert first == {name: value for name, value in deck.run().items() if name in first}
@@ -326,8 +330,8 @@ def test_at_modem_settings_are_compared_but_not_set(deck: Deck) -> None:
 @pytest.mark.parametrize(
     ("driver", "message"),
     [
-        ("modemmanager", "not looked at: there is no emulation for driver modemmanager"),
-        ("manual", "not checked: only a person can look at this 4G unit"),
+        ("modemmanager", "not checked: driver modemmanager has no emulator"),
+        ("manual", "not checked: this 4G unit must be checked by hand"),
     ],
 )
 def test_unchecked_unit_exits_with_nothing(deck: Deck, driver: str, message: str) -> None:
@@ -347,7 +351,7 @@ def test_nothing_is_changed_when_the_journal_cannot_be_written(deck: Deck, monke
 
     def full(self: Journal, record: Any) -> None:  # noqa: ANN401 (any record)
         if record.kind == "layer-sent":
-            raise JournalError("the journal cannot be written: no space left on device")
+            raise JournalError("cannot add the journal: no space left on device")
         write(self, record)
 
     monkeypatch.setattr(Journal, "write", full)

@@ -31,7 +31,9 @@ def test_internal_error_is_logged_and_sent_to_the_listener(tmp_path: Path, monke
     monkeypatch.setattr(apply, "open_inventory", broken)
     reader, writer = os.pipe()
     request = {"state": str(tmp_path), "events_fd": writer, "command": "provision site=coastal"}
-    with pytest.raises(InternalError, match=r"^provision itself failed \(ZeroDivisionError\)") as caught:
+    with pytest.raises(
+        InternalError, match=r"^provision failed with an internal error \(ZeroDivisionError\)"
+    ) as caught:
         apply.perform(INVENTORY, ["coastal-router"], request, plan_only=True, decrypt=str)
     os.close(writer)
     (log,) = (tmp_path / "log").iterdir()
@@ -65,7 +67,7 @@ def test_unknown_link_is_refused_with_the_known_ones() -> None:
     declaration = load(INVENTORY)
     with pytest.raises(UsageError, match="coastal has no such bearer") as caught:
         session_link.site_link_of(declaration, declaration.hosts["coastal-router"], "uplink")
-    assert caught.value.hint == "it has: lan, wifi-ptp, 4g, satellite"
+    assert caught.value.hint == "its links: lan, wifi-ptp, 4g, satellite"
 
 
 def test_guard_gets_the_declared_address_for_an_emulated_device(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_latest_is_the_newest_run_with_a_saved_state(laptop: Laptop) -> None:
     newer = laptop.run(saves="b")
     laptop.run()
     assert saved_run(laptop.state, "coastal", "latest", [ROUTER]).id == newer.id
-    with pytest.raises(NoMatchError, match="no run of coastal has saved a state of coastal-cpe, coastal-4g"):
+    with pytest.raises(NoMatchError, match="no run of coastal has a saved state of coastal-cpe, coastal-4g"):
         saved_run(laptop.state, "coastal", "latest", ["coastal-cpe", "coastal-4g"])
 
 
@@ -121,7 +121,7 @@ def test_last_confirmed_state_is_used_for_the_device(laptop: Laptop, declaration
     later = laptop.run(confirms="c")
     (start,) = before_rollback(laptop.state, hosts, run)
     assert start.restore == later.id
-    assert start.gap == f"what has changed on {ROUTER} since run {later.id} read it back"
+    assert start.gap == f"changes on {ROUTER} since run {later.id} verified it"
 
 
 def test_emulated_state_is_not_used_for_a_real_device(laptop: Laptop, declaration: Inventory) -> None:
@@ -130,7 +130,7 @@ def test_emulated_state_is_not_used_for_a_real_device(laptop: Laptop, declaratio
     real = laptop.run(saves="a")
     (start,) = before_rollback(laptop.state, hosts, real)
     assert (start.restore, start.back_to, start.is_ready) == (None, None, False)
-    assert "what is declared stands for it" in start.gap
+    assert "the inventory is used instead" in start.gap
     (start,) = before_rollback(laptop.state, hosts, emulated)
     assert start.restore == emulated.id
 
@@ -169,7 +169,7 @@ def test_computer_starts_as_a_fresh_one(laptop: Laptop, declaration: Inventory) 
         laptop.state, [declaration.hosts["coastal-gateway"], declaration.hosts[ROUTER]], broken
     )
     assert (gateway.is_ready, router.is_ready) == (True, False)
-    assert gateway.gap == f"what run {broken.id} has left on coastal-gateway: a fresh one stands for it"
+    assert gateway.gap == f"what run {broken.id} left on coastal-gateway: the factory state is used instead"
 
 
 def test_hosts_of_a_run(declaration: Inventory) -> None:

@@ -112,7 +112,7 @@ def test_damaged_record_is_reported(inventory: Path, tmp_path: Path) -> None:
     record = Store(tmp_path).root / "terminals.json"
     assert record.stat().st_mode & 0o077 == 0
     record.write_text("[]")
-    with pytest.raises(DamagedStateError, match="the record of the terminals cannot be read"):
+    with pytest.raises(DamagedStateError, match="cannot read the record of the terminals:"):
         codes(inventory, tmp_path)
 
 

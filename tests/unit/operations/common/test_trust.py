@@ -55,7 +55,7 @@ def test_only_the_declared_host_key_is_trusted(tmp_path: Path) -> None:
     [
         (
             "No ED25519 host key is known for x\nHost key verification failed.",
-            "is not known here",
+            "is unknown here",
             "provision device trust",
         ),
         ("@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.", "another", "-R x"),

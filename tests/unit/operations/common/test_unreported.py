@@ -12,7 +12,7 @@ from atlantis_netcfg.operations.common.play_control import other_ends, results_f
 from atlantis_netcfg.runs import ActionConfirmation, DeviceObservation, LayerSent, Outcome, RunResume, RunStart, Store
 from atlantis_netcfg.runs.records import Record
 
-KILLED = "the process that worked on it was killed"
+KILLED = "the process working on it was killed"
 NAME = "coastal-router"
 READ = DeviceObservation(device=NAME, version="7.18.2", identity="router", state="")
 SENT = LayerSent(device=NAME, layer="policy", actions=(1, 2))
@@ -63,7 +63,7 @@ def test_journal_state_is_reported_with_resume_when_useful(  # noqa: PLR0913, PL
     assert KILLED in result["message"]
     (run,) = Store(tmp_path).runs("coastal")
     assert (f"provision recover resume site=coastal run={run.id}" in result["hint"]) == resumes
-    assert resumes or result["hint"] == "type the same command again"
+    assert resumes or result["hint"] == "run the same command again"
     assert (NAME in run.unsettled_devices) or not resumes, "resume has nothing to do"
 
 

@@ -24,7 +24,7 @@ NOW = datetime(2026, 11, 25, 20, 0, 31, tzinfo=UTC)
 
 
 def status(state: LinkState = LinkState.UP, uptime_s: float | None = 500.0, use: LinkUse | None = None) -> LinksStatus:
-    down = () if state is LinkState.UP else (LinkFinding(Verdict.FAIL, "silent", "no canary answers", "look"),)
+    down = () if state is LinkState.UP else (LinkFinding(Verdict.FAIL, "silent", "no probe target responds", "look"),)
     bearers = tuple(
         LinkStatus(
             name=bearer.name,
@@ -85,9 +85,13 @@ def test_refused_durations(text: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("ask", "message", "hint"),
     [
-        (lambda: router_of(DECLARED, "scc"), "`uplink` is its only link", "declare a second link"),
-        (lambda: router_of(DECLARED, "all"), "a link is put in use at one site", "the sites are: "),
-        (lambda: router_of(DECLARED, "costal"), "a link is put in use at one site", "did you mean `site=coastal`?"),
+        (lambda: router_of(DECLARED, "scc"), "`uplink` is its only link", "set a second link in the inventory"),
+        (lambda: router_of(DECLARED, "all"), "this command changes the link of one site", "the sites are: "),
+        (
+            lambda: router_of(DECLARED, "costal"),
+            "this command changes the link of one site",
+            "did you mean `site=coastal`?",
+        ),
         (
             lambda: link_named(DECLARED, "coastal", "satelite"),
             "has no link `satelite`",
@@ -95,7 +99,7 @@ def test_refused_durations(text: str, words: str) -> None:
         ),
         (lambda: wanted().order(status(uptime_s=None)), "was not read", "`provision links site=coastal`"),
         (lambda: wanted().order(status(uptime_s=20)), "was started 20 s ago", "again in 100 s"),
-        (lambda: wanted().order(status(LinkState.DOWN)), "4g is down, .*: no canary answers", "--unproved"),
+        (lambda: wanted().order(status(LinkState.DOWN)), "4g is down, .*: no probe target responds", "--unproved"),
         (lambda: wanted().order(status(LinkState.SEARCHING)), "4g is down", "--unproved"),
         (lambda: wanted().order(status(LinkState.UNKNOWN)), "whether 4g works is not proved", "--unproved"),
         (lambda: ended_order("coastal", status()), "there is nothing to end", "`provision links site=coastal`"),
@@ -173,7 +177,7 @@ def test_every_supported_host_is_in_a_play_with_the_role() -> None:
 
 
 def test_untrusted_router_hint_advises_to_trust_it() -> None:
-    unknown = replace(status(uptime_s=None), unreachable=(Silent("coastal-router", "not known here", TRUST),))
+    unknown = replace(status(uptime_s=None), unreachable=(Silent("coastal-router", "unknown here", TRUST),))
     with pytest.raises(LinkNotFit) as begun:
         wanted().order(unknown)
     with pytest.raises(LinkNotFit) as ended:

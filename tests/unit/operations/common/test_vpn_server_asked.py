@@ -68,6 +68,6 @@ def test_another_authority_folder_can_be_given(founded: Path) -> None:
 
 
 def test_offline_bundle_is_refused_for_the_vpn_server(founded: Path) -> None:
-    with pytest.raises(UsageError, match="takes nothing from a bundle") as refused:
+    with pytest.raises(UsageError, match="the VPN server does not use a bundle") as refused:
         ask(founded, "computer_access", offline=founded)
     assert "without `--offline`" in (refused.value.hint or "")

@@ -41,7 +41,7 @@ def test_declared_key_is_detected_in_the_ssh_folder(home: Path) -> None:
     assert lines(keys.keys_item("gw", [f"{FIRST} technician"], found)) == [f"PASS SSH key for gw: {file}"]
     file.chmod(0o640)
     assert lines(keys.keys_item("gw", [FIRST], found)) == [
-        f"FAIL SSH key for gw: {file} can be read by others: OpenSSH refuses such a key",
+        f"other users can read FAIL SSH key for gw: {file}: OpenSSH refuses such a key",
         f"  chmod 600 {file}",
     ]
 
@@ -55,15 +55,17 @@ def test_declared_key_is_detected_where_ssh_config_points(home: Path) -> None:
 
 def test_declared_key_is_detected_in_the_agent(home: Path) -> None:
     found = keys.laptop_keys(home, f"The agent has no identities.\n{FIRST} card\n")
-    assert lines(keys.keys_item("gw", [FIRST], found)) == ["PASS SSH key for gw: the agent holds a declared key"]
+    assert lines(keys.keys_item("gw", [FIRST], found)) == [
+        "PASS SSH key for gw: the agent has a key from the inventory"
+    ]
 
 
 def test_public_key_alone_fails(home: Path) -> None:
     (home / ".ssh" / "id_ed25519.pub").write_text(FIRST)
     put(home / ".ssh" / "id_rsa", OTHER)
     assert lines(keys.keys_item("gw", [FIRST], keys.laptop_keys(home))) == [
-        "FAIL SSH key for gw: none of its 1 declared keys is in ~/.ssh, or in the agent",
-        "  work on a laptop that has one, or add yours to `ssh_keys` in host_vars/gw.yml",
+        "FAIL SSH key for gw: none of its 1 keys in the inventory is in ~/.ssh or in the agent",
+        "  use a laptop that has one, or add your key to `ssh_keys` in host_vars/gw.yml",
     ]
 
 
@@ -89,7 +91,7 @@ def test_password_files_of_ansible_are_read_and_checked(home: Path) -> None:
     file.write_text("secret")
     file.chmod(0o644)
     assert lines(keys.password_file_item(file, home / "inventory")) == [
-        f"FAIL password file: {file} can be read by others",
+        f"other users can read FAIL password file: {file}",
         f"  chmod 600 {file}",
     ]
     file.chmod(0o600)
@@ -121,21 +123,21 @@ def test_known_devices_verdicts(shipped: Inventory, real: Inventory, tmp_path: P
     pins, hosts = Store(tmp_path).pins, real.site_hosts("coastal")
     assert keys.known_devices_item(shipped, hosts, pins, lambda _: True).verdict == "SKIP"
     assert lines(keys.known_devices_item(real, hosts, pins, lambda _: False)) == [
-        f"WARN known devices: 4 of 4 not known here, and refused so far: {DEVICES}",
-        "  at the site, on a terminal; a router from its carton is met by `device adopt` instead:",
+        f"WARN known devices: 4 of 4 unknown here and therefore refused: {DEVICES}",
+        "  at the site, on a terminal (for a new router use `device adopt` instead):",
         "  provision device trust site=coastal",
     ]
     for name in ("coastal-router", "coastal-cpe", "coastal-4g"):
         pins.change(name, "ab" * 32)
     assert lines(keys.known_devices_item(real, hosts, pins, lambda name: name == "coastal-gateway")) == [
-        "PASS known devices: all 4: certificate or host key is declared, or kept here"
+        "PASS known devices: all 4: certificate or host key is in the inventory, or stored here"
     ]
     (tmp_path / "real" / "pins.json").write_text("damaged")
     assert keys.known_devices_item(real, hosts, pins, lambda _: True).verdict == "FAIL"
 
 
 def no_password(_text: str) -> str:
-    raise UsageError("there is no password", hint="name a file\nor type it")
+    raise UsageError("no such playbook: password", hint="name a file\nor type it")
 
 
 def test_inventory_without_encrypted_values_needs_no_password() -> None:
@@ -151,8 +153,8 @@ def _wrong(_text: str) -> str:
 @pytest.mark.parametrize(
     ("decrypt", "expected"),
     [
-        (lambda _: "a-real-secret-of-the-quay", ["PASS vault: the password opens all 2 encrypted values"]),
-        (no_password, ["INCONCLUSIVE vault: there is no password", "  name a file"]),
+        (lambda _: "a-real-secret-of-the-quay", ["PASS vault: the password decrypts all 2 encrypted values"]),
+        (no_password, ["INCONCLUSIVE vault: no such playbook: password", "  name a file"]),
     ],
 )
 def test_encrypted_values_verdicts(tmp_path: Path, decrypt: Callable[[str], str], expected: list[str]) -> None:
@@ -163,7 +165,7 @@ def test_wrong_password_is_reported_with_location_of_the_first_value(tmp_path: P
     item = keys.secrets_item(vaulted(tmp_path), _wrong)
     assert item.verdict == "FAIL"
     assert "host_vars/coastal-router.yml:8: this secret cannot be decrypted, nor 1 more" in item.observation
-    assert item.hint == "check the vault's password: it is not the one of this value"
+    assert item.hint == "check the vault password: it does not fit this value"
 
 
 def vaulted(folder: Path) -> Path:
@@ -194,8 +196,8 @@ def test_missing_authority_is_skipped_and_damaged_one_warns(tmp_path: Path) -> N
     ("free", "expected"),
     [
         (9_000_000_000, ["PASS room: 9.0 GB free at /x"]),
-        (400_000_000, ["WARN room: 400 MB free at /x; 0.5 GB are good for records", "  make room"]),
-        (49_000_000, ["FAIL room: 49 MB free at /x, for records", "  delete what you need no more"]),
+        (400_000_000, ["WARN room: 400 MB free at /x; 0.5 GB are recommended for records", "  free disk space"]),
+        (49_000_000, ["FAIL room: 49 MB free at /x, for records", "  delete what you no longer need"]),
     ],
 )
 def test_free_space_verdicts(free: int, expected: list[str], tmp_path: Path) -> None:
@@ -248,15 +250,17 @@ STARTED = RunStart(
 
 def test_unfinished_runs_are_a_warning_with_a_resume_command(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    assert lines(folders.unfinished_item(folders.read_runs(store, None).unfinished_runs)) == ["PASS open runs: none"]
+    assert lines(folders.unfinished_item(folders.read_runs(store, None).unfinished_runs)) == [
+        "PASS unfinished runs: none"
+    ]
     assert list(tmp_path.iterdir()) == [], "looking makes nothing"
     with store.start(STARTED) as journal:
         name = journal.run
     read = folders.read_runs(store, "coastal")
     assert [run.id for run in read.unfinished_runs] == [name]
     assert lines(folders.unfinished_item(read.unfinished_runs)) == [
-        f"WARN open runs: {name} has left coastal-router open",
-        "  go on when the link is there:",
+        f"WARN unfinished runs: {name} has left coastal-router open",
+        "  continue when the link is available:",
         f"  provision recover resume site=coastal run={name} inventory=here",
     ]
     assert folders.read_runs(store, "scc").unfinished_runs == ()

@@ -25,7 +25,7 @@ from atlantis_netcfg.runs import Store
 def test_python_version_is_checked_against_the_project_minimum() -> None:
     assert lines(software.judge_python("3.11.2")) == ["PASS Python: 3.11.2"]
     assert lines(software.judge_python("3.10.12")) == [
-        "FAIL Python: 3.10.12; 3.11 or newer is needed",
+        "FAIL Python: 3.10.12; 3.11 or newer is required",
         "  sudo apt-get install -y python3-venv",
     ]
     project = tomllib.loads((checkout() / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -54,13 +54,13 @@ def test_pins_for_this_computer_are_selected() -> None:
     [
         (
             {"ansible-core": "2.19.14", "b": "1", "c": "1", "d": "1"},
-            ["PASS packages: 4 as pinned; ansible-core 2.19.14"],
+            ["PASS packages: 4 match the pinned versions; ansible-core 2.19.14"],
         ),
         (
             {"ansible-core": "2.19.15", "c": "1", "d": "1"},
             [
-                "FAIL packages: ansible-core is 2.19.15, pinned is 2.19.14; b is missing",
-                "  the next start brings them back, from the package index, after:",
+                "FAIL packages: ansible-core is 2.19.15, but 2.19.14 is required; b is missing",
+                "  the next start reinstalls them from the package index, after:",
                 "  rm .venv/run.stamp",
             ],
         ),
@@ -68,7 +68,7 @@ def test_pins_for_this_computer_are_selected() -> None:
             {},
             [
                 "FAIL packages: ansible-core is missing; b is missing; c is missing; and 1 more",
-                "  the next start brings them back, from the package index, after:",
+                "  the next start reinstalls them from the package index, after:",
                 "  rm .venv/run.stamp",
             ],
         ),
@@ -87,13 +87,13 @@ def test_package_verdicts(installed: dict[str, str], expected: list[str]) -> Non
         ('ID=ubuntu\nVERSION_ID="24.04"\nPRETTY_NAME="Ubuntu 24.04"', "PASS system: Ubuntu 24.04"),
         (
             'ID=ubuntu\nVERSION_ID="22.04"\nPRETTY_NAME="Ubuntu 22.04"',
-            "WARN system: Ubuntu 22.04: older than what this version was tried on",
+            "WARN system: Ubuntu 22.04: older than the systems this version was tested on",
         ),
         (
             'ID=fedora\nVERSION_ID=43\nPRETTY_NAME="Fedora 43"',
-            "WARN system: Fedora 43: not tried; Debian 12 and Ubuntu 24.04 are, and newer ones",
+            "WARN system: Fedora 43: not tested; tested are Debian 12, Ubuntu 24.04 and newer",
         ),
-        ("", "WARN system: unknown: not tried; Debian 12 and Ubuntu 24.04 are, and newer ones"),
+        ("", "WARN system: unknown: not tested; tested are Debian 12, Ubuntu 24.04 and newer"),
     ],
 )
 def test_operating_system_verdicts(release: str, expected: str) -> None:
@@ -106,11 +106,11 @@ def test_missing_program_fails_only_if_required() -> None:
     assert lines(software.judge_programs(ssh, lambda _: True, versions)) == ["PASS OpenSSH: openssh-client 1:9.2p1-2"]
     assert lines(software.judge_programs(ssh, lambda _: True, {})) == ["PASS OpenSSH: ssh"]
     assert lines(software.judge_programs(ssh, lambda _: False, {})) == [
-        "FAIL OpenSSH: missing: ssh; needed for gateways and the VPN's server",
+        "FAIL OpenSSH: missing: ssh; required for gateways and the VPN server",
         "  sudo apt install openssh-client",
     ]
     assert lines(software.judge_programs(replace(ssh, is_required=False), lambda _: False, {})) == [
-        "SKIP OpenSSH: missing: ssh; only for gateways and the VPN's server",
+        "SKIP OpenSSH: missing: ssh; required only for gateways and the VPN server",
         "  sudo apt install openssh-client",
     ]
     images = software.judge_programs(needs["for card images"], lambda program: program == "mcopy", {})
@@ -126,12 +126,12 @@ def test_versions_come_from_dpkg() -> None:
 @pytest.mark.parametrize(
     ("root", "missing", "off", "expected"),
     [
-        (True, (), False, ["PASS rehearsals: routers and gateways: what real systems need is installed"]),
+        (True, (), False, ["PASS rehearsals: routers and gateways: everything required for real systems is installed"]),
         (
             True,
             ("mmdebstrap",),
             False,
-            ["SKIP rehearsals: routers only; for gateways are missing: mmdebstrap", "  sudo apt install mmdebstrap"],
+            ["SKIP rehearsals: routers only; missing for gateways: mmdebstrap", "  sudo apt install mmdebstrap"],
         ),
         (False, (), False, ["SKIP rehearsals: routers only; gateways are rehearsed as root, with `sudo`"]),
         (True, (), True, ["SKIP rehearsals: routers only: ATLANTIS_NO_MACHINES is set"]),
@@ -172,11 +172,11 @@ NOW = datetime(2026, 11, 25, 12, tzinfo=UTC)
             {"the latest run": NOW - timedelta(days=1)},
             NOW - timedelta(hours=1),
             [
-                "FAIL time: 2026-11-25 12:00 UTC is after the end of the VPN's authority (2026-11-25)",
-                "  set the clock; if it is right, make a new authority",
+                "FAIL time: 2026-11-25 12:00 UTC is after the expiry of the VPN authority (2026-11-25)",
+                "  set the clock; if it is right, create a new authority",
             ],
         ),
-        ({}, None, ["WARN time: 2026-11-25 12:00 UTC: there is nothing here to compare it with"]),
+        ({}, None, ["WARN time: 2026-11-25 12:00 UTC: nothing to compare it with"]),
     ],
 )
 def test_time_verdicts(earlier: dict[str, datetime], ends: datetime | None, expected: list[str]) -> None:
@@ -194,12 +194,12 @@ def test_time_verdicts(earlier: dict[str, datetime], ends: datetime | None, expe
         (
             "NTP=yes\nNTPSynchronized=no\n",
             [
-                "WARN time server: no time server has answered since the start",
+                "WARN time server: no time server has responded since the start",
                 "  connect to the internet once, or compare with a watch",
             ],
         ),
-        (None, ["WARN time server: not known: timedatectl tells nothing here", "  compare with a watch"]),
-        ("garbage", ["WARN time server: not known: timedatectl tells nothing here", "  compare with a watch"]),
+        (None, ["WARN time server: unknown: timedatectl reports nothing here", "  compare with a watch"]),
+        ("garbage", ["WARN time server: unknown: timedatectl reports nothing here", "  compare with a watch"]),
     ],
 )
 def test_time_synchronisation_verdicts(printed: str | None, expected: list[str]) -> None:

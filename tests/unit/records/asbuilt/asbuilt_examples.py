@@ -36,19 +36,19 @@ def router(serial: str = "EXAMPLE1", *ports: PortRecord, **more: Any) -> DeviceR
 
 
 def away(**more: Any) -> DeviceRecord:  # noqa: ANN401 - fields of DeviceRecord
-    given = {"state": ReadState.NOT_REACHED, "why": "nobody answers", "hint": "look at its power"}
+    given = {"state": ReadState.NOT_REACHED, "why": "no response", "hint": "look at its power"}
     return DeviceRecord.model_validate({"name": "coastal-router", "kind": "router", **given, **more})
 
 
 def terminal() -> DeviceRecord:
     """What only a person can look at."""
     seen = Fact(value="1.2", origin=Origin.DECLARED, note="declared: EXAMPLE-person has seen it on its pages")
-    blind = Fact(value=None, origin=Origin.NOT_READ, note="no machine interface of it is documented")
+    blind = Fact(value=None, origin=Origin.NOT_READ, note="no documented interface for programs")
     return DeviceRecord(
         name="coastal-sat",
         kind="satellite_terminal",
         state=ReadState.BY_HAND,
-        why="a person looks at its pages",
+        why="checked by a person at its pages",
         facts={"serial": blind, "version": seen},
     )
 

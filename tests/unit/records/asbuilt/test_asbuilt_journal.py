@@ -71,4 +71,4 @@ def test_computer_has_only_the_confirmed_fact(tmp_path: Path) -> None:
 def test_host_key_pin_is_reported(tmp_path: Path) -> None:
     Store(tmp_path).pins.change_host_key(ROUTER, "SHA256:" + "A" * 43)
     found = facts(tmp_path)["host_key"]
-    assert (found.value, found.note) == ("SHA256:" + "A" * 43, "the pin of this computer")
+    assert (found.value, found.note) == ("SHA256:" + "A" * 43, "the pin on this computer")

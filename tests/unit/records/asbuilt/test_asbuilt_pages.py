@@ -40,8 +40,8 @@ def test_screen_shows_the_source_of_each_value() -> None:
         r"\n +", " ", text
     )
     assert "not read: no machine interface of it is documented" in re.sub(r"\n +", " ", text)
-    assert "heard: 02:00:5E:00:00:07 10.64.1.7 (coastal-gateway), by bridge and ARP" in re.sub(r"\n +", " ", text)
-    assert found[-1] == "1 of 2 devices were read, 1 cannot be asked"
+    assert "neighbour: 02:00:5E:00:00:07 10.64.1.7 (coastal-gateway), from bridge and ARP" in re.sub(r"\n +", " ", text)
+    assert found[-1] == "1 of 2 devices were read, 1 cannot be queried"
 
 
 def test_screen_marks_last_known_values_of_unreachable_devices() -> None:
@@ -49,8 +49,8 @@ def test_screen_marks_last_known_values_of_unreachable_devices() -> None:
     text = re.sub(r"\n +", " ", "\n".join(printable.plain(row) for row in rows(made, "kept")))
     assert "coastal-router: router, NOT REACHED" in text
     assert "its last known values, read on 2026-11-25 10:00 WET (10:00 UTC)" in text
-    assert "EXAMPLE1 (stored, of 2026-11-25 10:00 WET (10:00 UTC))" in text
-    assert "0 of 1 devices were read, 1 did not answer" in text
+    assert "EXAMPLE1 (stored on 2026-11-25 10:00 WET (10:00 UTC))" in text
+    assert "0 of 1 devices were read, 1 did not respond" in text
 
 
 def test_screen_fits_80_columns() -> None:
@@ -77,9 +77,9 @@ def test_page_is_self_contained_and_escapes_hostile_device_text() -> None:
 
 def test_rehearsal_is_marked_in_every_output() -> None:
     made = record(rehearsed=True)
-    assert "emulated devices, nothing real was asked" in [printable.plain(row) for row in rows(made, "kept")]
-    assert "REHEARSAL: nothing real was asked." in html(made, DIGEST).decode()
-    assert "REHEARSAL: nothing real was asked." in text_of(pdf(made, DIGEST))
+    assert "emulated devices; no real device was contacted" in [printable.plain(row) for row in rows(made, "kept")]
+    assert "REHEARSAL: no real device was contacted." in html(made, DIGEST).decode()
+    assert "REHEARSAL: no real device was contacted." in text_of(pdf(made, DIGEST))
     assert all("(REHEARSED)" in label.text for label in labels_of(made, DIGEST, PLACE))
 
 

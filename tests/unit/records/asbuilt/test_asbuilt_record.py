@@ -188,7 +188,7 @@ def test_a_full_disk_leaves_no_record(tmp_path: Path, monkeypatch: pytest.Monkey
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("atlantis_netcfg.core.atomic_files.write_all", full)
-    with pytest.raises(JournalError, match="the record cannot be written: No space left on device"):
+    with pytest.raises(JournalError, match="cannot add the record: No space left on device"):
         keep(folder, {FILE: data(), "as-built.html": b"page"})
     assert latest(tmp_path) is None
 
@@ -199,7 +199,7 @@ def test_damaged_record_is_reported(tmp_path: Path, text: bytes) -> None:
     with pytest.raises(DamagedStateError, match="the last record cannot be read") as caught:
         latest(tmp_path)
     assert caught.value.hint is not None
-    assert "put its folder aside" in caught.value.hint
+    assert "move its folder away" in caught.value.hint
 
 
 def test_json_contains_exit_code_and_can_be_parsed_back() -> None:

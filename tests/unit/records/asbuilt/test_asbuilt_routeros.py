@@ -105,7 +105,7 @@ def test_bridge_neighbour_with_unknown_port_is_listed_separately() -> None:
 
 def test_disabled_neighbour_discovery_is_noted() -> None:
     off = Box(SEED.replace("discover-interface-list=all", "discover-interface-list=none"))
-    note = "neighbour discovery is off on the device, so that nobody tells it a name"
+    note = "neighbour discovery is off on the device, so it learns no names"
     assert note in off.read().notes
     assert note not in Box().read().notes
 

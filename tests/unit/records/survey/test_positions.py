@@ -130,7 +130,7 @@ def test_gpsd_addresses_are_parsed() -> None:
     assert parse_gpsd_address("gps.example.org:2948") == ("gps.example.org", 2948)
     assert parse_gpsd_address("[2001:db8::7]:2948") == ("2001:db8::7", 2948)
     for text in ("", "a b", "192.0.2.7:0", "192.0.2.7:65536", "192.0.2.7:x"):
-        with pytest.raises(UsageError, match="is no gpsd"):
+        with pytest.raises(UsageError, match="` is not a gpsd address"):
             parse_gpsd_address(text)
 
 

@@ -16,14 +16,14 @@ from atlantis_netcfg.records.survey.site import TypedPositions
     ("typed", "words"),
     [
         ("site=all", "about one site at a time"),
-        ("site=te4sea link=sat", "`link=sat` is no 4G link of `te4sea`: its 4G links: 4g"),
-        ("site=scc", "`scc` has no single 4G link to survey: it declares no 4G link"),
-        ("site=te4sea every=fast", "`every=fast` is no step"),
-        ("site=te4sea for=soon", "`for=soon` is no time"),
-        ("site=te4sea --max-mb 5", "`--max-mb 5` is no budget of a survey"),
+        ("site=te4sea link=sat", "`link=sat` is not a 4G link of `te4sea`: its 4G links: 4g"),
+        ("site=scc", "`scc` does not have exactly one 4G link: it has no 4G link"),
+        ("site=te4sea every=fast", "`every=fast` is not a valid interval"),
+        ("site=te4sea for=soon", "`for=soon` is not a duration"),
+        ("site=te4sea --max-mb 5", "`--max-mb 5` is not a valid budget"),
         ("site=te4sea coast=nowhere.geojson", "`coast=nowhere.geojson` cannot be read"),
         ("site=te4sea --clicks --rehearse", "typed positions cannot be rehearsed"),
-        ("site=te4sea", "the inventory still holds example values"),
+        ("site=te4sea", "the inventory still contains example values"),
     ],
 )
 def test_invalid_arguments_are_usage_errors(
@@ -39,9 +39,9 @@ def test_unknown_site_or_survey_is_reported(
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
     assert main(["measure", "coverage", "site=te4see"]) == ExitCode.NOTHING
-    assert "there is no site `te4see`" in capsys.readouterr().err
+    assert "site `te4see` does not exist" in capsys.readouterr().err
     assert main(["measure", "coverage", "site=te4sea", "from=20261120T101500Z"]) == ExitCode.NOTHING
-    assert "no survey `20261120T101500Z` is kept" in capsys.readouterr().err
+    assert "there is no saved survey `20261120T101500Z`" in capsys.readouterr().err
 
 
 def test_places_are_typed_until_end_of_input(
@@ -65,7 +65,7 @@ def test_places_are_typed_until_end_of_input(
         (41.6864, -8.8388),
     ]
     assert [point.place for point in made.points] == ["pier", "pier", "", "pier"]
-    assert capsys.readouterr().out.count("that is no position") == 2
+    assert capsys.readouterr().out.count("not a position") == 2
 
 
 def test_survey_point_is_printed_on_one_line() -> None:

@@ -32,8 +32,8 @@ def example() -> Survey:
     return survey(
         point(1, **HERE, **HEARD, **TESTED),
         point(2, latitude=41.69, longitude=-8.85, rsrp_dbm=-112.0, cell="3103499", no_test="the hourly budget"),
-        point(3, no_position="no fix", **HEARD, no_test="nobody answers", sent=5, lost=5),
-        point(4, latitude=41.7, longitude=-8.86, no_radio="te4sea-4g does not answer", place="=pier <b>"),
+        point(3, no_position="no fix", **HEARD, no_test="no response", sent=5, lost=5),
+        point(4, latitude=41.7, longitude=-8.86, no_radio="te4sea-4g does not respond", place="=pier <b>"),
     )
 
 
@@ -66,7 +66,7 @@ def test_invalid_survey_is_refused_with_its_line(tmp_path: Path, line: str) -> N
     with pytest.raises(SurveyUnreadable, match=r"survey\.jsonl:2: "):
         read_survey(path)
     path.write_text(SurveyEnd(at=header().begun, reason="done").model_dump_json() + "\n", encoding="utf-8")
-    with pytest.raises(SurveyUnreadable, match="not the beginning"):
+    with pytest.raises(SurveyUnreadable, match="this is not the start of a survey"):
         read_survey(path)
 
 
@@ -111,8 +111,8 @@ def test_point_without_a_value_shows_the_reason() -> None:
     assert [mark.band for mark in by_name["rsrp_dbm"].marks] == [1, 3, None]
     assert [mark.band for mark in by_name["cell"].marks] == [0, 1, None]
     assert by_name["goodput_up_bps"].marks[1].words.endswith("no value: the hourly budget")
-    assert by_name["rsrp_dbm"].marks[2].words.endswith("no value: te4sea-4g does not answer")
-    assert by_name["sinr_db"].marks[0].words.endswith("no value: the unit does not say")
+    assert by_name["rsrp_dbm"].marks[2].words.endswith("no value: te4sea-4g does not respond")
+    assert by_name["sinr_db"].marks[0].words.endswith("no value: the unit does not report it")
     for layer in by_name.values():
         assert sum(row.count for row in layer.legend) == len(layer.marks) == 3
 
@@ -154,7 +154,7 @@ def test_coast_is_drawn_where_it_crosses_the_map(tmp_path: Path) -> None:
     page = render_page(example(), coast).decode()
     drawn = re.search(r'class="coast" d="([^"]*)"', page)
     assert drawn is not None
-    assert drawn[1].count("M") == 3, "what lies far away is left out"
+    assert drawn[1].count("M") == 3, "what lies far away is excluded"
     assert "coast.geojson" in page
     assert 'class="coast"' not in render_page(example()).decode()
 
@@ -173,8 +173,8 @@ def test_shipped_coast_is_near_viana_and_states_its_accuracy() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("x", "is no GeoJSON"),
-        ('{"type":"Feature"}', "is no GeoJSON"),
+        ("x", "` is not GeoJSON"),
+        ('{"type":"Feature"}', "` is not GeoJSON"),
         ('{"type":"Point","coordinates":[1,2]}', "no line"),
     ],
 )
@@ -195,7 +195,7 @@ def test_exports_are_regenerated_from_the_survey_file(tmp_path: Path) -> None:
     there = {path.name for path in (tmp_path / "to" / "here").iterdir()}
     assert there == {"survey.html", "survey.geojson", "survey.csv", "survey.jsonl"}
     assert (kept / "survey.html").read_bytes() == render_page(example())
-    with pytest.raises(NoMatchError, match="no survey") as refused:
+    with pytest.raises(NoMatchError, match="there is no saved survey `") as refused:
         find_survey(tmp_path, "20261120T101501Z")
     assert kept.name in str(refused.value.hint)
 
@@ -207,8 +207,8 @@ def test_survey_without_measurements_fails() -> None:
     assert evaluate_survey(survey()).exit is ExitCode.NOTHING
     for without, words in (
         ({"latitude": None, "no_position": "no fix"}, "no point has a position (no fix)"),
-        ({"rsrp_dbm": None, "no_radio": "it is off"}, "the unit told no level (it is off)"),
-        ({"rtt_median_s": None, "no_test": "nobody answers"}, "no test over the link was answered (nobody answers)"),
+        ({"rsrp_dbm": None, "no_radio": "it is off"}, "the unit reported no level (it is off)"),
+        ({"rtt_median_s": None, "no_test": "no response"}, "no test over the link got a response (no response)"),
     ):
         found = evaluate_survey(survey(whole.model_copy(update=without)))
         assert (found.exit, found.words) == (ExitCode.CHECKS_FAILED, words)

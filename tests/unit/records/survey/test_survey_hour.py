@@ -111,7 +111,7 @@ def test_a_smaller_budget_makes_fewer_tests_and_as_many_points(hourly: int) -> N
 def test_budget_below_three_tests_is_refused() -> None:
     cost = SurveyPlan().test_bytes(HEADERS)
     assert SurveyPlan(hourly_bytes=3 * cost).test_every_s(HEADERS) == pytest.approx(3600)
-    with pytest.raises(HourlyBudgetError, match="are too few"):
+    with pytest.raises(HourlyBudgetError, match="bytes per hour are not enough"):
         SurveyPlan(hourly_bytes=3 * cost - 1).test_every_s(HEADERS)
 
 

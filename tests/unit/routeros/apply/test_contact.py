@@ -36,10 +36,12 @@ def test_refused_login_ends_the_reachability_check() -> None:
     work: Any = SimpleNamespace(contact=Contact(job), job=job)
     assert not asyncio.run(_is_reachable(work))
     assert len(failures) == 1
-    assert [event.message for event in events] == ["proving the way in: waiting for an answer"]
+    assert [event.message for event in events] == ["testing access in a new session: waiting for a response"]
 
 
-@pytest.mark.parametrize(("reply", "words"), [(Reply(), "no .id was answered"), (Reply(trap=Trap("no")), "no")])
+@pytest.mark.parametrize(
+    ("reply", "words"), [(Reply(), "the response contains no .id"), (Reply(trap=Trap("no")), "no")]
+)
 def test_row_without_an_id_is_inconclusive(reply: Reply, words: str) -> None:
     session: Any = Scripted(lambda _: reply)
     verdict, reason = asyncio.run(verify._by_name(session))

@@ -131,6 +131,6 @@ def test_unknown_device_kind_is_refused(rows: tuple[Mapping[str, str], ...]) -> 
 
 def test_settings_with_two_rows_are_refused_and_with_none_are_empty() -> None:
     two = {"/routing/settings/print": Reply(({"policy-rules": "main"}, {"policy-rules": "user"}))}
-    with pytest.raises(DeviceError, match="/routing settings: settings are one row, and the device answers with 2"):
+    with pytest.raises(DeviceError, match="/routing settings: settings are one row, and the device responses with 2"):
         read(two, looked_at=("/routing/settings",))
     assert read({"/routing/settings/print": Reply()}, looked_at=("/routing/settings",)).rows["/routing/settings"] == ()

@@ -75,17 +75,17 @@ def test_output_splits_into_acknowledgements_and_messages(text: str, acknowledge
     [
         (Reply(ret="ok 1\nok 2"), (1, 2), None),
         (Reply(ret="ok 1\nno such item"), (1,), "the device refused to add row 2 in /ip pool: no such item"),
-        (Reply(ret="ok 1"), (1,), "the device refused to add row 2 in /ip pool: it stopped without a word"),
+        (Reply(ret="ok 1"), (1,), "the device refused to add row 2 in /ip pool: it stopped without a message"),
         (Reply(ret="syntax error (line 4 column 5)"), (), "the device refused to add row 2 in /ip pool: syntax error"),
-        (Reply(trap=Trap("no such item")), (), "the device says: no such item"),
+        (Reply(trap=Trap("no such item")), (), "the device reports: no such item"),
         (
             Reply(trap=Trap("bad command name x (line 2 column 1)")),
             (),
             "the device refused to add row 1 in /ip pool: bad",
         ),
-        (Reply(ret="ok 1\nok 2\nok 2"), (1, 2), "the device says: it stopped without a word"),
+        (Reply(ret="ok 1\nok 2\nok 2"), (1, 2), "the device reports: it stopped without a message"),
         (Reply(ret="ok 2\nok 1"), (2, 1), "the device says: "),
-        (Reply(), (), "the device refused to add row 1 in /ip pool: it stopped without a word"),
+        (Reply(), (), "the device refused to add row 1 in /ip pool: it stopped without a message"),
     ],
 )
 def test_script_reply_gives_acknowledged_actions_and_refusal(

@@ -68,5 +68,5 @@ def test_missing_serial_line_is_reported(tmp_path: Path) -> None:
 
 def test_silent_line_is_reported() -> None:
     desk = Desk(password=WORD, mute=True)
-    with DeskLine(desk) as path, pytest.raises(ConsoleUnreachable, match="nothing that looks like a RouterOS console"):
+    with DeskLine(desk) as path, pytest.raises(ConsoleUnreachable, match="no RouterOS console responds on this line"):
         open_serial(path, "admin", Secret(WORD), timeout_s=0.1)

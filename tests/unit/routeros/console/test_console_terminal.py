@@ -132,7 +132,7 @@ def test_silence_ends_the_session() -> None:
     desk = Desk({"/x": "fine"})
     console, wire = opened(desk)
     desk.mute = True
-    with pytest.raises(ConsoleLost, match="no answer within 0 s"):
+    with pytest.raises(ConsoleLost, match="no response within 0 s"):
         console.run("/x", timeout_s=0.05)
     assert wire.closed
 

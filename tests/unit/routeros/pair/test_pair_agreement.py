@@ -92,7 +92,7 @@ def test_disagreements_of_two_radios(menu: str, near: dict[str, str], far: dict[
 def test_different_drivers_never_bridge() -> None:
     one, other = (PairRadio(menu, "x", "A", values) for menu, values in MENUS.items())
     assert "different drivers" in disagreements(one, other, ("near", "far"))[0]
-    assert disagreements(None, other, ("near", "far")) == ("near has no radio that can be driven",)
+    assert disagreements(None, other, ("near", "far")) == ("near has no radio with a supported driver",)
 
 
 def test_radio_values_include_inherited_profiles() -> None:

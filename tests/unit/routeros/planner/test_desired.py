@@ -70,12 +70,12 @@ MISTAKES = {
     "/interface list member\nadd list=LAN": (
         "x.rsc, line 2: a row of /interface list member needs `interface`, which tells it from the others"
     ),
-    "/ip pool\nadd name=x\n\nadd name=x": "x.rsc, line 4: x is declared a second time; the first is on line 2",
+    "/ip pool\nadd name=x\n\nadd name=x": "x.rsc, line 4: x is defined a second time; the first is on line 2",
     "/ip address\nadd address=10.0.0.1 interface=a\nadd address=10.0.0.1/32 interface=b": (
-        "x.rsc, line 3: 10.0.0.1/32 on b is declared a second time; the first is on line 2"
+        "x.rsc, line 3: 10.0.0.1/32 on b is defined a second time; the first is on line 2"
     ),
     "/system ntp client\nset enabled=yes\nset mode=unicast": (
-        "x.rsc, line 3: /system ntp client settings is declared a second time; the first is on line 2"
+        "x.rsc, line 3: /system ntp client settings is defined a second time; the first is on line 2"
     ),
     "/ip pool\nadd name=x rnages=1": "x.rsc, line 2: /ip pool has no argument `rnages`; did you mean ranges?",
     "/ip pool\nadd name=x name=y": "x.rsc, line 2: `name` is given twice",
@@ -86,14 +86,14 @@ MISTAKES = {
         "x.rsc, line 2: a row of /ip pool is found by its name: write `[ find name=... ]`"
     ),
     "/ip pool\nset [ find name=x ] name=y": (
-        "x.rsc, line 2: `name` tells the rows of /ip pool apart and cannot be changed: declare a new row"
+        "x.rsc, line 2: `name` tells the rows of /ip pool apart and cannot be changed: set a new row in the inventory"
     ),
     "/ip firewall filter\nset [ find ] action=drop": (
-        "x.rsc, line 2: rows of /ip firewall filter have no name to find them by: declare them with `add`"
+        "x.rsc, line 2: rows of /ip firewall filter have no name to find them by: set them with  in the inventory`add`"
     ),
     "/ip firewall filter\nremove 0": ("x.rsc, line 2: `remove` is not allowed in a declaration: write `add` or `set`"),
     "/certificate\nadd name=x common-name=x": "x.rsc, line 2: /certificate can be looked at, but not declared",
-    "# atlantis:entier /ip pool": "x.rsc, line 1: `atlantis:entier` is no directive; did you mean entire?",
+    "# atlantis:entier /ip pool": "x.rsc, line 1: `atlantis:entier` is not a directive; did you mean entire?",
     "# atlantis:run-time /ip route distance=1": "x.rsc, line 1: write `atlantis:run-time /menu property=declared"
     " property=instead`",
     "# atlantis:run-time /ip route distance=1 disabled=no": "x.rsc, line 1: write `atlantis:run-time /menu"
@@ -103,7 +103,7 @@ MISTAKES = {
     "# atlantis:run-time /ip rout distance=1 distance=2": "x.rsc, line 1: /ip rout is no menu that can be declared;"
     " did you mean /ip route?",
     "\n# atlantis:entire /ip pol": "x.rsc, line 2: /ip pol is no menu that can be declared; did you mean /ip pool?",
-    "# atlantis:entire /ip dns": "x.rsc, line 1: /ip dns cannot be ours entirely, because nobody can add rows to it",
+    "# atlantis:entire /ip dns": "x.rsc, line 1: /ip dns cannot be managed entirely, because nobody can add rows to it",
 }
 
 
@@ -155,8 +155,8 @@ def test_export_defines_entire_menus_except_hidden_values() -> None:
     assert desired.items["/ip/dns"] == ()
     assert desired.items["/ip/pool"][0].defined_values == {"name": "a", "ranges": "10.0.0.1"}
     assert desired.notes == (
-        "/user is not part of an export: it stays as it is",
-        "before.rsc, line 9: `colour` of /ip pool stays as it is",
+        "/user is not part of an export: left unchanged",
+        "before.rsc, line 9: `colour` of /ip pool is left unchanged",
     )
 
 

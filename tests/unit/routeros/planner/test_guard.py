@@ -85,24 +85,24 @@ UNREAD = {
     "/interface/list": (
         """/interface list\nadd name=SIDE include=LAN
 /ip firewall filter\nadd action=drop chain=output comment=side out-interface-list=SIDE""",
-        "/ip firewall filter: the rule `output drop side` would drop the router's answers to you",
+        "/ip firewall filter: the rule `output drop side` would drop the router's responses to you",
     ),
     "/interface/list/member": (
         "/ip firewall filter\nadd action=drop chain=output comment=lan out-interface-list=LAN",
-        "/ip firewall filter: the rule `output drop lan` would drop the router's answers to you",
+        "/ip firewall filter: the rule `output drop lan` would drop the router's responses to you",
     ),
     "/ip/dhcp-client": ("/ip dhcp-client\nadd interface=ether8 disabled=false", None),
     "/ip/firewall/filter": (
         "/ip firewall filter\nadd action=drop chain=output comment=lan out-interface=bridge-lan",
-        "/ip firewall filter: the rule `output drop lan` would drop the router's answers to you",
+        "/ip firewall filter: the rule `output drop lan` would drop the router's responses to you",
     ),
     "/ip/firewall/mangle": (
         "/ip firewall mangle\nadd action=mark-routing chain=output comment=lan out-interface=bridge-lan",
-        "/ip firewall mangle: the rule `output mark-routing lan` would route the router's answers to you",
+        "/ip firewall mangle: the rule `output mark-routing lan` would route the router's responses to you",
     ),
     "/ip/firewall/nat": (
         "/ip firewall nat\nadd action=redirect chain=dstnat comment=lan in-interface=bridge-lan",
-        "/ip firewall nat: the rule `dstnat redirect lan` would send a new session of yours elsewhere",
+        "/ip firewall nat: the rule `dstnat redirect lan` would send your new sessions elsewhere",
     ),
     "/ip/service": ("/ip service\nset api-ssl disabled=true port=8730", None),
 }

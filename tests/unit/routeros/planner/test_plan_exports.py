@@ -107,8 +107,8 @@ def test_restore_keeps_menus_with_indistinguishable_rows() -> None:
         "/system/logging",
     }
     assert set(menus) - desired.entire == gaps
-    assert [note for note in desired.notes if note.endswith("stay there")] == [
-        f"{MENUS[path].title}: for that reason, rows that are not in the export stay there"
+    assert [note for note in desired.notes if note.endswith("rows that are not in the export are kept")] == [
+        f"{MENUS[path].title}: for that reason, rows that are not in the export are kept"
         for path in menus
         if path in gaps
     ]

@@ -52,7 +52,7 @@ def there(menu: str, number: int, **more: str) -> Observation:
 def test_foreign_rows_are_counted_and_reported_above_the_limit(menu: str, number: int) -> None:
     planned = plan("r", read(declared(menu), source="t"), there(menu, number))
     assert (len(planned.actions), planned.weight, planned.foreign_rows) == (1, number, number)
-    words = f"removes {number} rows that carry no mark of ours: {number} from {MENUS[menu].title}"
+    words = f"removes {number} rows that do not carry our mark: {number} from {MENUS[menu].title}"
     assert planned.foreign_words == (words if number > FEW_FOREIGN else "")
     assert planned.notes == ((f"the plan {words}",) if number > FEW_FOREIGN else ())
 
@@ -62,7 +62,7 @@ def test_foreign_rows_of_several_menus_are_added_up() -> None:
     rows = {**both.rows, DNS: there(DNS, 60).rows[DNS]}
     planned = plan("r", read(declared(LISTS, DNS), source="t"), replace(both, rows=rows))
     assert planned.foreign_words == (
-        "removes 120 rows that carry no mark of ours: 60 from /ip firewall address-list, 60 from /ip dns static"
+        "removes 120 rows that do not carry our mark: 60 from /ip firewall address-list, 60 from /ip dns static"
     )
 
 

@@ -34,8 +34,8 @@ def test_device_matches_its_snapshot(name: str) -> None:
 def test_empty_snapshot_still_lists_the_menus_read() -> None:
     state = snapshot.write("r", read("/ip pool\n/ip dns\n"), observed(""))
     assert state == (
-        "# confirmed state of r: the declared menus as they were read back, without secrets\n"
-        "# by RouterOS 7.18.2\n# model = RB5009UPr+S+\n/ip pool\n/ip dns\n"
+        "# confirmed state of r: the inventory's menus as they were read back, without secrets\n# by RouterOS "
+        "7.18.2\n# model = RB5009UPr+S+\n/ip pool\n/ip dns\n"
     )
     assert snapshot.read(state, "state").entire == {"/ip/pool", "/ip/dns"}
 
@@ -104,4 +104,4 @@ def test_service_certificate_stays_with_the_device() -> None:
 def test_newly_declared_menus_are_named_and_left() -> None:
     saved = snapshot.read("/ip pool\n", "state")
     declared = read("/ip pool\n/ip dns\nset allow-remote-requests=yes\n")
-    assert for_replacement(saved, declared).notes == ("not in the saved state, and left as they are: /ip dns",)
+    assert for_replacement(saved, declared).notes == ("not in the saved state and left unchanged: /ip dns",)

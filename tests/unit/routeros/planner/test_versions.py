@@ -43,9 +43,9 @@ def test_a_menu_that_a_version_lacks_is_refused_with_a_hint(path: str) -> None:
     since = MENUS[path].since
     assert since is not None
     refused = refusal(path, before(since))
-    assert f"is there from RouterOS {since} on" in str(refused)
+    assert f"needs RouterOS {since} on" in str(refused)
     assert refused.hint is not None
-    assert f"put RouterOS {since} or later on it: `provision device upgrade" in refused.hint
+    assert f"install RouterOS {since} or later on it: `provision device upgrade" in refused.hint
 
 
 @for_each_row(("path", "name"), FIELDS)
@@ -54,14 +54,14 @@ def test_an_argument_that_a_version_lacks_is_refused_with_a_hint(path: str, name
     if field.since is None:
         assert field.until is not None
         refused = refusal(path, str(field.until), name)
-        assert refused.hint == "take from the text what RouterOS has no more, in the lines that are named"
+        assert refused.hint == "remove what RouterOS no longer has from the named lines of the text"
         return
     refused = refusal(path, before(field.since), name)
     assert f"has `{name}` from RouterOS {field.since} on" in str(refused)
     assert refused.hint is not None
     highest = max(field.since, MENUS[path].since or field.since)
-    assert f"put RouterOS {highest} or later on it: `provision device upgrade site=… device=…" in refused.hint
-    assert refused.hint.endswith("; or take the named lines out of the text")
+    assert f"install RouterOS {highest} or later on it: `provision device upgrade site=… device=…" in refused.hint
+    assert refused.hint.endswith("; or remove the named lines from the text")
 
 
 @pytest.mark.parametrize("version", ["6.49.18", "7.8", "7.16"])
@@ -80,7 +80,7 @@ REFUSALS = {
     "routeros/first_contact/run.py": "tests/integration/routeros/adopt: every objection has a hint, by its class",
     "routeros/first_contact/steps.py": "refuses nothing: it words a reset, a date and a question",
     "routeros/packages.py": "one error with a hint for all of its reasons",
-    "routeros/apply/_change.py": "refuses nothing by version: an older device is saved in another way",
+    "routeros/apply/_change.py": "refuses nothing by version: an older device is saved in another path",
     "routeros/apply/_executor.py": "tests/integration/routeros/engine/test_refusals.py",
     "routeros/menus/_model.py": "refuses nothing: it tells",
     "routeros/pair/_end.py": "tests/integration/routeros/pair/test_pair_versions.py",
@@ -113,8 +113,8 @@ def test_objection_requires_a_hint() -> None:
 def test_version_newer_than_known_is_noted(version: str) -> None:
     planned = plan("router", read(RULES, source="the text"), observed("", version))
     assert planned.notes[0] == (
-        f"RouterOS {version} is newer than anything known here, which ends at {NEWEST_KNOWN}: what it has changed "
-        "since then nobody has looked at"
+        f"RouterOS {version} is newer than the newest known version, {NEWEST_KNOWN}: later changes have not been "
+        "reviewed"
     )
     assert len(planned.actions) == 1
 

@@ -169,7 +169,7 @@ def test_device_without_a_link_is_refused() -> None:
     lost = replace(BOX, name="lost-4g", device=BOX.device.model_copy(update={"address": "10.10.1.5"}))
     with pytest.raises(RenderError, match="lost-4g is the gateway of no link of coastal") as caught:
         lte(DECLARED, lost)
-    assert caught.value.hint == "see `bearers` in group_vars/coastal.yml: one has `device: lost-4g`"
+    assert caught.value.hint == "see `bearers` in group_vars/coastal.yml: one needs `device: lost-4g`"
 
 
 def test_secrets_are_quoted() -> None:

@@ -150,12 +150,12 @@ def test_prerequisites_name_what_the_text_refers_to() -> None:
     given = declaration()
     found = prerequisites(given, given.router("coastal"))
     assert found[:2] == (
-        Prerequisite("/certificate", "atlantis-api", "service api-ssl presents it"),
-        Prerequisite("/certificate", "atlantis-vpn", "ovpn-scc proves with it who it is"),
+        Prerequisite("/certificate", "atlantis-api", "service api-ssl uses it"),
+        Prerequisite("/certificate", "atlantis-vpn", "ovpn-scc authenticates with it"),
     )
     assert [row.name for row in found[2:-1]] == [f"ether{number}" for number in range(1, 9)]
     assert {row.menu for row in found[2:-1]} == {"/interface/ethernet"}
-    assert found[-1] == Prerequisite("/interface/wifi", "wifi1", "it is declared as access point for vehicles")
+    assert found[-1] == Prerequisite("/interface/wifi", "wifi1", "the inventory has it as an access point for vehicles")
     assert [row.name for row in prerequisites(given, given.router("scc")) if row.menu == "/certificate"] == [
         "atlantis-api"
     ]
@@ -232,16 +232,16 @@ def test_missing_inventory_entries_are_reported() -> None:
     given = declaration()
     forward = TypeAdapter(Forward).validate_python({"transport": "tcp", "port": 443, "to": "nobody"})
     cases = {
-        "coastal-router needs one port with `use: management`, and has 0": _ports_without(
+        "coastal-router needs one port with `use: management`, but has 0": _ports_without(
             given, "coastal", use="management"
         ),
-        "coastal-router needs one port with `use: link, link: 4g`, and has 0": _ports_without(
+        "coastal-router needs one port with `use: link, link: 4g`, but has 0": _ports_without(
             given, "coastal", link="4g"
         ),
-        "coastal-router forwards a port to nobody, and no host is called so": with_router(
+        "coastal-router forwards a port to nobody, which is not in the inventory": with_router(
             given, "coastal", forwards=(forward,)
         ),
-        "no host is called nobody, which pilot.vpn.server names": replace(
+        "pilot.vpn.server names host nobody, which is not in the inventory": replace(
             given, pilot=given.pilot.model_copy(update={"vpn": given.pilot.vpn.model_copy(update={"server": "nobody"})})
         ),
     }

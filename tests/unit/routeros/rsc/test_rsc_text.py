@@ -252,7 +252,7 @@ def test_other_accepted_spellings_are_read(text: str, value: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("text", "error reported by the source"),
     [
         ('"open', "the text must end with the one quote that closes it"),
         ('"', "the text must end with the one quote that closes it"),

@@ -9,7 +9,7 @@ COST = {
     "bearer": "satellite",
     "declared": "satellite",
     "instead": None,
-    "words": "over satellite of coastal, which is paid by the byte: about 64 kB, 0.52 EUR",
+    "words": "over metered link satellite of coastal: about 64 kB, 0.52 EUR",
     "bill_words": "63 kB, 0.51 EUR; not counted by the router",
 }
 INSTEAD = {**COST, "declared": "wifi-ptp", "instead": "wifi-ptp is down"}
@@ -18,7 +18,7 @@ INSTEAD = {**COST, "declared": "wifi-ptp", "instead": "wifi-ptp is down"}
 def result(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - fields of a result
     return {
         "exit": 0,
-        "message": "already so",
+        "message": "unchanged",
         "status": "unchanged",
         "hint": None,
         "planned": 0,
@@ -43,8 +43,8 @@ def test_free_run_has_no_bill() -> None:
 def test_run_shows_its_bill_and_rehearsal_the_consent_request() -> None:
     assert list(cost_lines(result(cost=COST), is_rehearsal=False)) == [f"cost over satellite: {COST['bill_words']}"]
     assert list(cost_lines(result(cost=COST), is_rehearsal=True)) == [
-        f"a real run asks first: {COST['words']}",
-        f"and comes to: {COST['bill_words']}",
+        f"a real run needs your consent: {COST['words']}",
+        f"and costs: {COST['bill_words']}",
     ]
 
 

@@ -50,11 +50,11 @@ TERMINAL = result(
     comparison=None,
     status="declared",
     message="WARN: declared without evidence",
-    notes=["WARN: nobody has looked"],
-    findings=[{"verdict": "WARN", "code": "terminal-not-looked-at", "message": "nobody has looked", "hint": None}],
+    notes=["WARN: not checked"],
+    findings=[{"verdict": "WARN", "code": "terminal-not-looked-at", "message": "not checked", "hint": None}],
 )
 """A satellite terminal, of which the declaration is compared with the evidence."""
-LOST = result(ExitCode.FAILED, comparison=None, message="could not be read: no answer", hint="look at the cable")
+LOST = result(ExitCode.FAILED, comparison=None, message="could not be read: no response", hint="check the cable")
 
 
 def report(*results: dict[str, Any]) -> DriftReport:
@@ -91,28 +91,28 @@ def test_text_report_shows_difference_owner_and_time() -> None:
     assert told.as_text().splitlines() == [
         "d0: as read",
         "  last confirmed by run RUN of 2026-05-04 03:02 UTC",
-        "  note: run OPEN left its outcome open: `provision recover resume site=coastal run=OPEN` goes on",
+        "  note: the outcome of run OPEN is open: `provision recover resume site=coastal run=OPEN` continues it",
         "  /ip pool",
         "    changed  p",
-        "             ranges: declared 10.0.0.1, found nothing",
-        "             declared (atlantis: lan); since after run RUN",
-        "             the device remembers: pool changed, by bob, noon by its clock",
+        "             ranges: inventory 10.0.0.1, device nothing",
+        "             declared (atlantis: lan); changed after run RUN",
+        "             history of the device: pool changed, by bob, noon by its clock",
         "    hidden   p",
-        "             ranges: declared 10.0.0.1, found nothing",
+        "             ranges: inventory 10.0.0.1, device nothing",
         "             declared (atlantis: lan); the device does not show it to our user",
         "",
-        "d1: ERROR, could not be read: no answer",
-        "  look at the cable",
+        "d1: ERROR, could not be read: no response",
+        "  check the cable",
         "",
-        "sat: not handled yet (lte router)",
-        "rehearsed on emulated devices as they are after `provision device adopt`: nothing real was read",
+        "sat: not supported yet (lte router)",
+        "rehearsed on emulated devices as they are after `provision device adopt`: no real device was read",
     ]
 
 
 def test_json_distinguishes_drift_from_unreadable() -> None:
     told = report(result(ExitCode.CHECKS_FAILED, difference("changed")), result(ExitCode.DONE), LOST).as_json()
     assert [one["verdict"] for one in told["devices"].values()] == ["FAIL", "PASS", "ERROR", "SKIP"]
-    assert told["errors"] == [{"device": "d2", "message": "could not be read: no answer", "hint": "look at the cable"}]
+    assert told["errors"] == [{"device": "d2", "message": "could not be read: no response", "hint": "check the cable"}]
     assert told["devices"]["d2"]["differences"] == []
 
 
@@ -127,7 +127,7 @@ def test_terminal_verdict_follows_its_evidence(verdict: str, code: int, child: s
     assert told.as_json()["devices"]["d0"]["verdict"] == verdict
     assert told.exit == code
     (case,) = suites(terminal)[0]
-    assert case.get("name") == "what is declared agrees with the evidence"
+    assert case.get("name") == "the inventory agrees with the evidence"
     assert [one.tag for one in case] == ([] if child is None else [child])
 
 
@@ -141,8 +141,8 @@ def test_junit_has_a_suite_per_device_and_a_case_per_menu() -> None:
     assert counts == [["3", "1", "0", "0"], ["1", "0", "1", "0"], ["1", "0", "0", "1"]]
     failure = drifted[1][0]
     assert (failure.tag, failure.get("type"), failure.get("message")) == ("failure", "changed, missing", "changed p")
-    assert "ranges: declared 10.0.0.1, found nothing" in (failure.text or "")
-    assert lost[0][0].text == "could not be read: no answer\nlook at the cable"
+    assert "ranges: inventory 10.0.0.1, device nothing" in (failure.text or "")
+    assert lost[0][0].text == "could not be read: no response\nlook at the cable"
 
 
 def test_the_totals_of_junit_are_the_sums() -> None:

@@ -21,7 +21,7 @@ def bearer(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - any field
         "probe_bytes": 0,
         "month_since": None,
         "month_gaps": [],
-        "standing": {"words": []},
+        "background": {"words": []},
         **more,
     }
 
@@ -59,14 +59,14 @@ def test_worst_finding_determines_the_exit_code(verdicts: list[str], code: ExitC
 
 
 def test_unreachable_device_fails_the_check() -> None:
-    silent = {"device": "box", "message": "nobody answers", "hint": None}
+    silent = {"device": "box", "message": "no response", "hint": None}
     assert report(bearer(), unreachable=[silent]).exit is ExitCode.CHECKS_FAILED
 
 
 def test_report_without_any_queried_device_does_not_pass() -> None:
     nothing = report(bearer(active=True), queried_devices=())
     assert nothing.exit is ExitCode.NOTHING
-    assert nothing.as_text().endswith("Nobody was asked, so nothing is known of quay")
+    assert nothing.as_text().endswith("No device was queried, so nothing is known about quay")
     assert nothing.as_json()["exit"] == 7
 
 
@@ -77,12 +77,12 @@ def test_report_without_any_queried_device_does_not_pass() -> None:
         (
             (False, True),
             True,
-            "link2 carries the traffic of quay: it is NOT the preferred link, which is link1; every byte on it is paid",
+            "link2 carries the traffic of quay: it is NOT the preferred link, which is link1; it is metered",
         ),
         ((False, True), False, "link2 carries the traffic of quay: it is NOT the preferred link, which is link1"),
-        ((True, True), False, "link1 and link2 carry the traffic of quay together"),
-        ((False, False), False, "NOTHING carries the traffic of quay"),
-        ((None, None), False, "Which link carries the traffic of quay is not known: the router was not read"),
+        ((True, True), False, "link1 and link2 share the traffic of quay"),
+        ((False, False), False, "NO LINK carries the traffic of quay"),
+        ((None, None), False, "Which link carries the traffic of quay is unknown: the router was not read"),
     ],
 )
 def test_last_line_names_the_active_link(active: tuple[bool | None, ...], metered: bool, said: str) -> None:  # noqa: FBT001 - a column of the table
@@ -106,7 +106,7 @@ def test_last_line_names_the_active_link(active: tuple[bool | None, ...], metere
         ),
         (
             {"month_bytes": 12_400_000, "month_since": "T", "month_gaps": ["a", "b"]},
-            "12.4 MB, counted since T; at least, there are 2 gaps",
+            "12.4 MB, counted since T; at least: 2 gaps in the count",
         ),
     ],
 )
@@ -133,7 +133,7 @@ def test_text_shows_local_time_and_json_utc() -> None:
         (
             "wifi_ptp",
             {"signal_dbm": -70.0, "far_signal_dbm": -80.0},
-            ["signal        fair, -70 dBm; the other end hears -80 dBm"],
+            ["signal        fair, -70 dBm; the other end receives -80 dBm"],
         ),
         (
             "wifi_ptp",
@@ -145,13 +145,13 @@ def test_text_shows_local_time_and_json_utc() -> None:
         (
             "satellite",
             {"next_hop_seen": "no", "firmware": "1.2", "seen_by": "Ana", "seen_on": "2026-11-01"},
-            ["terminal      has not answered the router of late, firmware 1.2, seen by Ana on 2026-11-01"],
+            ["terminal      has not responded to the router recently, firmware 1.2, seen by Ana on 2026-11-01"],
         ),
-        ("satellite", {"next_hop_seen": "yes"}, ["terminal      answers the router"]),
+        ("satellite", {"next_hop_seen": "yes"}, ["terminal      responds to the router"]),
         (
             "satellite",
             {"kept_off_packets": 7, "kept_off_bytes": 4200},
-            ["kept off      7 packets (4.2 kB) that the allow-list does not admit"],
+            ["blocked      7 packets (4.2 kB) outside the allow-list"],
         ),
         ("ethernet", {"port": "ether1", "port_link": "down"}, ["port          ether1, link down"]),
         ("lte", {}, []),

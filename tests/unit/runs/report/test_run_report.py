@@ -111,13 +111,13 @@ def test_text_report_shows_cost_passes_and_limits() -> None:
     lines = [
         "  r                  9 actions kept (3 round trips, 3.0 kB, 1.2 s)",
         "                     second run over lan: 2 changes LEFT (3 round trips, 3.0 kB, 1.2 s)",
-        "  sat                not handled yet (satellite terminal)",
+        "  sat                not supported yet (satellite terminal)",
         "  not rehearsed: tides",
         "",
         "[FAIL] FAILED: r ended with an error",
-        "devices   2: 0 changed, 0 unchanged, 1 failed, 0 not reached, 1 not handled yet",
+        "devices   2: 0 changed, 0 unchanged, 1 failed, 0 not reached, 1 not supported yet",
         "look at   r: a second run over lan still finds 2 changes",
-        "do        remove the cause, then type the same command again",
+        "do        remove the cause, then run the same command again",
     ]
     assert whole.as_text().splitlines() == lines
     assert [plain(row) for row in whole.rows(40)][:2] == ["  r 9 actions kept (3 round trips, 3.0", "    kB, 1.2 s)"]
@@ -133,7 +133,7 @@ def test_text_report_shows_why_a_device_was_not_rehearsed() -> None:
 
 
 def test_unreachable_device_has_no_plan() -> None:
-    silent = {**result(ExitCode.FAILED, "could not be read: no answer"), "status": "left-as-found"}
+    silent = {**result(ExitCode.FAILED, "could not be read: no response"), "status": "left-as-found"}
     read = {**result(ExitCode.DONE, "no changes needed"), "status": "unchanged"}
     report = RunReport("coastal", False, {"silent": silent, "read": read})
     assert report.plan_as_text().splitlines() == ["read:", "  nothing to change", ""]

@@ -9,7 +9,7 @@ from atlantis_netcfg.core.printable import Style, StyledText, plain
 from atlantis_netcfg.runs.report.run import Pass, RunReport
 from atlantis_netcfg.runs.report.summary import DeviceEnd, ending, rows_of_plan
 
-WARNING = "WARN: nobody has looked at the terminal (open its pages)"
+WARNING = "WARN: not checked at the terminal (open its pages)"
 
 
 def result(code: int, status: str, message: str = "words", hint: str | None = None, **more: Any) -> dict[str, Any]:  # noqa: ANN401 - fields of a result
@@ -34,7 +34,7 @@ def result(code: int, status: str, message: str = "words", hint: str | None = No
 CHANGED = result(0, "changed")
 SAME = result(0, "unchanged")
 WARNED = result(0, "declared", notes=[WARNING])
-SILENT = result(4, "left-as-found", "could not be read: it did not answer", reached=False)
+SILENT = result(4, "left-as-found", "could not be read: no response", reached=False)
 
 
 def last(devices: dict[str, dict[str, Any]], *, rehearsed: bool = False, **more: Any) -> list[str]:  # noqa: ANN401 - fields of a report
@@ -69,21 +69,21 @@ def test_device_has_one_outcome(found: dict[str, Any], end: DeviceEnd) -> None:
 @pytest.mark.parametrize(
     ("devices", "more", "verdict"),
     [
-        ({"r": CHANGED}, {}, "[OK] DONE: changed as declared, and read back"),
-        ({"r": {**CHANGED, "changes": ["a"]}}, {}, "[OK] DONE: changed as declared"),
-        ({"r": SAME}, {}, "[OK] NOTHING TO CHANGE: read, and found as declared"),
-        ({"r": CHANGED, "s": WARNED}, {}, "[!] DONE, WITH WARNINGS: changed as declared, and read back"),
+        ({"r": CHANGED}, {}, "[OK] DONE: changed to match the inventory, and read back"),
+        ({"r": {**CHANGED, "changes": ["a"]}}, {}, "[OK] DONE: changed to match the inventory"),
+        ({"r": SAME}, {}, "[OK] NOTHING TO CHANGE: read, no differences from the inventory"),
+        ({"r": CHANGED, "s": WARNED}, {}, "[!] DONE, WITH WARNINGS: changed to match the inventory, and read back"),
         (
             {"r": CHANGED},
             {"not_handled": {"c": "control_centre"}},
-            "[!] DONE IN PART: 1 of 2 devices took part; changed as declared, and read back",
+            "[!] DONE IN PART: 1 of 2 devices took part; changed to match the inventory, and read back",
         ),
         ({"r": SILENT, "s": SAME}, {}, "[FAIL] NOT REACHED: no session with r, which was not changed"),
         ({"r": SILENT, "s": SILENT}, {}, "[FAIL] NOT REACHED: no session with 2 devices, which were not changed"),
         ({"r": result(4, "refused"), "s": CHANGED}, {}, "[FAIL] REFUSED: r was not changed"),
         ({"r": result(4, "rolled-back")}, {}, "[FAIL] ROLLED BACK: r is as it was before"),
-        ({"r": result(4, "rolled-back"), "s": result(5, "unknown")}, {}, "[?] UNKNOWN: what s holds now is not known"),
-        ({"r": result(6, "changed")}, {}, "[FAIL] NOT PROVED: something is left to do for r"),
+        ({"r": result(4, "rolled-back"), "s": result(5, "unknown")}, {}, "[?] UNKNOWN: the state of s is unknown"),
+        ({"r": result(6, "changed")}, {}, "[FAIL] NOT PROVED: work is left to do on r"),
         (
             {"r": result(2, "planned"), "s": SAME},
             {"purpose": "plan"},
@@ -95,7 +95,7 @@ def test_device_has_one_outcome(found: dict[str, Any], end: DeviceEnd) -> None:
         (
             {"r": CHANGED, "s": result(4, "left-as-found")},
             {"stopped_by": "SIGINT"},
-            "[FAIL] STOPPED by Ctrl-C: what was read back stays, nothing else was changed",
+            "[FAIL] STOPPED by Ctrl-C: changes that were read back stay, nothing else was changed",
         ),
         (
             {"r": result(4, "left-as-found")},
@@ -105,12 +105,12 @@ def test_device_has_one_outcome(found: dict[str, Any], end: DeviceEnd) -> None:
         (
             {"r": CHANGED},
             {"stopped_by": "SIGINT"},
-            "[!] STOPPED by Ctrl-C: what was read back stays, nothing else was changed",
+            "[!] STOPPED by Ctrl-C: changes that were read back stay, nothing else was changed",
         ),
         (
             {"r": result(5, "unknown")},
             {"stopped_by": "SIGTERM"},
-            "[?] STOPPED by SIGTERM: what a device holds now is not known",
+            "[?] STOPPED by SIGTERM: the state of a device is unknown",
         ),
     ],
 )
@@ -123,20 +123,20 @@ def test_summary_verdict_is_the_worst_one(
 
 
 def test_late_stop_shows_how_to_continue() -> None:
-    assert last({"r": CHANGED}, stopped_by="SIGINT")[-1] == "do        type the same command again to go on"
+    assert last({"r": CHANGED}, stopped_by="SIGINT")[-1] == "do        run the same command again to continue"
 
 
 def test_rehearsal_summary_shows_the_result_of_second_runs() -> None:
     passes = (Pass("r", "lan", SAME), Pass("r", "satellite", SAME))
     lines = last({"r": CHANGED}, rehearsed=True, passes=passes)
-    assert lines[1] == "[OK] REHEARSED: second runs over 2 links changed nothing"
+    assert lines[1] == "[OK] REHEARSED: repeated over 2 links: no further changes"
     lines = last({"r": CHANGED}, rehearsed=True, passes=(Pass("r", "lan", {**SAME, "planned": 2}),))
     assert lines[1] == "[FAIL] FAILED: r ended with an error"
     assert lines[3] == "look at   r: a second run over lan still finds 2 changes"
     lines = last({"r": CHANGED}, rehearsed=True, passes=passes, left_out={"g": "not root"})
     assert lines[1:3] == [
         "[!] REHEARSED IN PART: 1 of 2 devices took part; second runs over 2 links",
-        "    changed nothing",
+        "    : no further changes",
     ]
     assert lines[-1] == "look at   g: not rehearsed: not root"
 
@@ -146,8 +146,8 @@ def test_every_device_is_counted_once() -> None:
     lines = last(devices, left_out={"f": "not root"}, not_handled={"g": "control_centre"})
     counts = " ".join(" ".join(lines[2:4]).split())
     assert counts == (
-        "devices 7: 1 changed, 1 unchanged, 0 failed, 1 not reached, 1 unknown, 1 only declared, 1 not rehearsed, "
-        "1 not handled yet, 1 with a warning"
+        "devices 7: 1 changed, 1 unchanged, 0 failed, 1 not reached, 1 unknown, 1 inventory only, 1 not "
+        "rehearsed, 1 not supported yet, 1 with a warning"
     )
     total, _, rest = counts.removeprefix("devices ").partition(": ")
     assert int(total) == sum(int(part.split()[0]) for part in rest.split(", ")[:-1])
@@ -156,7 +156,7 @@ def test_every_device_is_counted_once() -> None:
 def test_the_worst_device_is_named_with_its_whole_reason_and_its_hint() -> None:
     failed = result(4, "refused", "refused: " + "a long reason " * 20, "provision plan site=coastal")
     lines = last({"r": SAME, "s": failed})
-    assert [line[:10].strip() for line in lines[3:] if line[:10].strip()] == ["look at", "do"]
+    assert [line[:10].strip() for line in lines[3:] if line[:10].strip()] == ["check", "do"]
     assert " ".join(" ".join(lines[3:-1]).split()) == f"look at s: refused: {'a long reason ' * 20}".strip()
     assert lines[-1] == "do        provision plan site=coastal"
     assert all(len(line) <= 80 for line in lines)
@@ -169,9 +169,7 @@ def test_path_longer_than_a_line_is_not_broken() -> None:
 
 
 def test_a_warning_is_named_where_nothing_is_worse() -> None:
-    assert (
-        last({"r": CHANGED, "sat": WARNED})[-1] == "look at   sat: nobody has looked at the terminal (open its pages)"
-    )
+    assert last({"r": CHANGED, "sat": WARNED})[-1] == "look at   sat: not checked at the terminal (open its pages)"
     drifted = {**SAME, "drift": [{"message": "r has 2 rows of others"}]}
     assert last({"r": drifted})[-1] == "look at   r has 2 rows of others"
 

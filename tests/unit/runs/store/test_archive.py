@@ -84,7 +84,7 @@ def test_thousand_runs_cost_as_much_as_ten(store: Store, capsys: pytest.CaptureF
     assert main(["report", "runs", "site=coastal"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == KEPT_RUNS + 1
-    assert lines[-1] == f"{1001 - KEPT_RUNS} older runs are put aside: `provision report runs --all` lists them too"
+    assert lines[-1] == f"{1001 - KEPT_RUNS} older runs are archived: `provision report runs --all` lists them too"
     (command,) = advised(lines[-1])
     assert main([*command, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -50,14 +50,14 @@ def test_restart_is_detected_and_the_gap_named(usage: Usage) -> None:
     assert (month.bytes, month.since) == (500, NOON)
     when, what = month.gaps[0].split(" UTC the ")
     assert when == "between 2026-11-21 12:00 UTC and 2026-11-21 12:10"
-    assert what == "router was restarted: what was carried before that is not counted"
+    assert what == "the router restarted: traffic before that is not counted"
     assert len(month.gaps) == 1
 
 
 def test_early_restart_is_detected_despite_a_longer_uptime(usage: Usage) -> None:
     usage.record("satellite", look(9000, 9000, uptime_s=60))
     assert usage.record("satellite", look(300, 20_000, after_s=7200, uptime_s=3600)) == 20_300
-    assert "the router was restarted: " in usage.month("satellite", NOON).gaps[0]
+    assert "the router restarted " in usage.month("satellite", NOON).gaps[0]
 
 
 def test_restart_or_clock_change_counts_the_smaller_amount(usage: Usage) -> None:
@@ -76,7 +76,7 @@ def test_late_response_is_not_taken_for_a_restart(usage: Usage) -> None:
 def test_counters_that_were_reset_are_noticed(usage: Usage, uptimes: tuple[float | None, float | None]) -> None:
     usage.record("satellite", look(9000, 9000, uptime_s=uptimes[0]))
     assert usage.record("satellite", look(9500, 10, after_s=60, uptime_s=uptimes[1])) == 9510
-    assert "the counters were reset or ran over" in usage.month("satellite", NOON).gaps[0]
+    assert "the counters were reset or overflowed" in usage.month("satellite", NOON).gaps[0]
 
 
 def test_new_port_or_router_starts_counting_from_its_own_reading(usage: Usage) -> None:
@@ -128,7 +128,7 @@ def test_damaged_file_is_reported_and_left_unchanged(usage: Usage, tmp_path: Pat
     path = tmp_path / "real" / "coastal" / "usage.json"
     path.parent.mkdir(parents=True)
     path.write_text(text)
-    with pytest.raises(DamagedStateError, match="the bytes of this month cannot be read"):
+    with pytest.raises(DamagedStateError, match="the data usage of this month cannot be read"):
         usage.record("satellite", look(1, 1))
     with pytest.raises(DamagedStateError):
         usage.month("satellite", NOON)
@@ -137,7 +137,7 @@ def test_damaged_file_is_reported_and_left_unchanged(usage: Usage, tmp_path: Pat
 
 def test_unwritable_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
-    with pytest.raises(JournalError, match="the bytes of this month cannot be written"):
+    with pytest.raises(JournalError, match="the data usage of this month is not writable"):
         Store(tmp_path).usage("coastal").record("satellite", look(1, 1))
 
 

@@ -139,9 +139,18 @@ MANIPULATIONS: dict[str, tuple[Callable[[Path], None], str]] = {
     "a revocation says another reason": (chained(said_otherwise), "are not those that were signed on"),
     "it was somebody else": (chained(by_another), "are not those that were signed on"),
     "a member has another address": (chained(another_address), "are not those that were signed on"),
-    "a certificate has another serial": (chained(another_serial), "is not one that this authority has signed so"),
+    "a certificate has another serial": (
+        chained(another_serial),
+        "in the ledger was not signed like this by this authority",
+    ),
     "a hand-out is gone": (chained(without("delivered")), "are not those that were signed on"),
-    "somebody is revoked without the key": (chained(revoked_at_the_end), "needs the CA key, and is not signed by it"),
+    "somebody is revoked without the key": (
+        chained(revoked_at_the_end),
+        (
+            "of the ledger must be signed by the CA "
+            "key but is not: a command was killed at its end, or something else wrote the line"
+        ),
+    ),
     "the ledger is an old one": (put_back("ledger.jsonl"), "its end is missing, or it is an old copy"),
     "ledger and head are old": (put_back("ledger.jsonl", "ledger.head"), "the ledger is an old copy"),
     "ledger, head and list are old": (
@@ -150,7 +159,13 @@ MANIPULATIONS: dict[str, tuple[Callable[[Path], None], str]] = {
     ),
     "the list is an old one": (put_back("crl.pem"), "which is revoked: provision vpn sync --sign"),
     "the head is gone": (removed("ledger.head"), "nothing says how long the ledger was"),
-    "the head is an old one": (put_back("ledger.head"), "needs the CA key, and is not signed by it"),
+    "the head is an old one": (
+        put_back("ledger.head"),
+        (
+            "of the ledger must be signed by the CA key but is not: a "
+            "command was killed at its end, or something else wrote the line"
+        ),
+    ),
     "the head is of another ledger": (other_head, "ledger.head is not signed by this authority"),
     "a certificate is gone": (removed("certs/iqua-b.pem"), "certs/iqua-b.pem is missing"),
     "another certificate is the server's": (other_server, "server/server.crt is not the certificate that was recorded"),
@@ -178,10 +193,10 @@ def test_intact_ledger_has_no_problems(made: Stand) -> None:
     assert found.broken == ()
     first, second, later, unchecked = found.words
     lines = _lines(made.folder)
-    assert first.startswith(f"{lines} entries in all: the first {lines - 1} are as the CA key signed them on ")
+    assert first.startswith(f"{lines} entries in all: the first {lines - 1} match the signature of the CA key of ")
     assert second == f"the certificates and revocation list {made.authority.membership().crl_number} agree with them"
-    assert later == f"entries after line {lines - 1} are chained to them, and not signed"
-    assert "is not checked here" in unchecked
+    assert later == f"entries after line {lines - 1} are chained to them, but not signed"
+    assert "this command does not check whether this is the newest copy" in unchecked
 
 
 @pytest.mark.parametrize("name", MANIPULATIONS)
@@ -209,7 +224,7 @@ def test_complete_older_copy_is_consistent_but_detectable_from_outside(made: Sta
     """Nothing on this computer tells that there is a newer one: the server does."""
     backup = Authority.open(made.folder.parent / "backup")
     assert backup.check() == []
-    assert "whether this is the newest copy is not checked here" in audit(backup, None, None).words[-1]
+    assert "this command does not check whether this is the newest copy" in audit(backup, None, None).words[-1]
     assert backup.beyond(made.authority.crl()) is not None
     assert made.authority.beyond(backup.crl()) is None
 

@@ -37,7 +37,7 @@ def empty_list(folder: Path) -> None:
 MENDED: list[tuple[Callable[[Path], None], str]] = [
     (remove_copy, "certs/iqua-a.pem is missing; the next command that signs writes it again"),
     (change_copy, "certs/iqua-a.pem is not the certificate that was recorded"),
-    (remove_list, "crl.pem cannot be read: No such file or directory"),
+    (remove_list, "cannot read crl.pem: No such file or directory"),
     (empty_list, "crl.pem would lock everybody out, or admit the revoked"),
 ]
 
@@ -64,7 +64,7 @@ def test_older_revocation_list_is_replaced_with_a_higher_number(tmp_path: Path) 
     (made.folder / "crl.pem").write_bytes(older)
     serial = made.identities[0].certificate.serial
     assert made.authority.check() == [
-        f"crl.pem (number {number - 1}) is not the list that was recorded last (number {number})",
+        f"crl.pem (number {number - 1}) is not the revocation list that was recorded last (number {number})",
         f"crl.pem lacks serial {serial:x}, which is revoked: provision vpn sync --sign",
     ]
     with pytest.raises(CorruptAuthorityError, match="is not the list that was recorded last"):
@@ -96,7 +96,7 @@ def test_certificate_missing_from_the_ledger_is_reported(tmp_path: Path) -> None
     (made.folder / "certs").mkdir(exist_ok=True)
     (made.folder / "certs" / "stray.pem").write_text(pki.cert_pem(stray))
     assert made.authority.check() == [
-        "certs/stray.pem is not in the record: nobody issued it here, or the ledger is an old copy"
+        "certs/stray.pem is not in the record: it was not issued here, or the ledger is an old copy"
     ]
 
 
@@ -123,19 +123,19 @@ def test_expiry_warnings_are_given_in_time(tmp_path: Path) -> None:
     assert days[59] == ""
     assert days[61].startswith("crl.pem ends on ")
     assert "crl.pem would lock everybody out, or admit the revoked" in days[100]
-    assert "it has expired on" in days[100]
+    assert "it expired on" in days[100]
     assert "iqua-a ends on" in days[370]
     assert "iqua-a ended on" in days[400]
     late = " | ".join(made.authority.check(NOW + timedelta(days=3651)))
-    assert "the certificate authority ends on" in late
-    assert "the server's certificate ends on" in late
+    assert "the certificate authority expires on" in late
+    assert "the server's certificate expires on" in late
 
 
 def test_file_readable_by_others_is_reported(tmp_path: Path) -> None:
     made = stand(tmp_path)
     (made.folder / "server" / "server.key").chmod(0o644)
     (problem,) = made.authority.check()
-    assert problem.endswith(f"server.key can be read by others: chmod go= {made.folder}/server/server.key")
+    assert problem.endswith(f"other users can read server.key: chmod go= {made.folder}/server/server.key")
 
 
 def test_ageing_revocation_list_is_re_signed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,7 +162,7 @@ def test_clock_behind_the_ledger_blocks_signing(tmp_path: Path, monkeypatch: pyt
     before = (made.folder / "ledger.jsonl").read_bytes()
     for moment in (datetime(2000, 1, 1, tzinfo=UTC), NOW - timedelta(hours=13), NOW - timedelta(minutes=5)):
         at(monkeypatch, moment)
-        with pytest.raises(ClockBehind, match=f"this computer's clock says {moment:%Y-%m-%d %H:%M} UTC") as behind:
+        with pytest.raises(ClockBehind, match=f"the clock of this computer says {moment:%Y-%m-%d %H:%M} UTC") as behind:
             signed(made)
         assert "set the clock" in str(behind.value.hint)
         assert behind.value.exit is ExitCode.FAILED
@@ -195,4 +195,4 @@ def test_confirmation_resets_a_clock_that_was_ahead(tmp_path: Path, monkeypatch:
         pass
     assert signed(made) < ahead
     assert made.authority.check() == []
-    assert any("the clock was said to be right" in entry.words for entry in made.authority.history())
+    assert any("the clock was confirmed as right" in entry.words for entry in made.authority.history())

@@ -121,7 +121,7 @@ def test_line_out_of_sequence_is_refused(tmp_path: Path) -> None:
         ([lines[0], *lines[2:]], 2, "lines before it are missing or out of order"),
         ([lines[0], lines[2], lines[1]], 2, "lines before it are missing or out of order"),
         ([*lines[:2], lines[1]], 3, "lines before it are missing or out of order"),
-        ([*lines[:2], other, *lines[3:]], 3, "the line before it is not the one that it was written after"),
+        ([*lines[:2], other, *lines[3:]], 3, "it does not continue the line before it"),
         ([*lines[:2], b"\n", *lines[2:]], 3, "its checksum is wrong"),
         ([*lines[:2], b"\0" * 20 + b"\n"], 3, "its checksum is wrong"),
     ):
@@ -140,13 +140,13 @@ def test_a_line_of_a_newer_version_is_refused(tmp_path: Path) -> None:
 
     (tmp_path / "ledger").write_bytes(line + b',"crc":"%08x"}\n' % crc32(line))
     assert read(tmp_path / "ledger").damage == (
-        "line 1 of the ledger is damaged: this version of the toolkit does not know what it says"
+        "line 1 of the ledger is damaged: this version of the toolkit does not know its type"
     )
 
 
 def test_record_about_an_unknown_member_is_refused() -> None:
     entry = LedgerEntry(7, NOW, "me", "op", records.RevocationRecord(common_name="iqua-ghost", reason="lost"))
-    with pytest.raises(CorruptLedgerError, match="line 7 of the ledger is about 'iqua-ghost', which was never issued"):
+    with pytest.raises(CorruptLedgerError, match="line 7 of the ledger refers to 'iqua-ghost', which was never issued"):
         LedgerState([entry])
 
 
@@ -240,14 +240,14 @@ def test_different_list_with_the_last_number_is_reported(tmp_path: Path) -> None
     number = listed(stand).number
     said = {n: stand.authority.beyond(pki.new_crl(stand.ca, [], n, datetime.now(UTC), 9)) for n in (number - 1, number)}
     assert said[number - 1] is None
-    assert "as the record's last one, and another one" in str(said[number])
+    assert "like the last one in the record, but a different content" in str(said[number])
 
 
 def test_serial_known_only_to_the_list_is_reported(tmp_path: Path) -> None:
     stand, serial = revoked_and_forgotten(tmp_path)
     said = [line for line in stand.authority.check() if "the ledger is an old copy" in line]
     assert said == [
-        f"crl.pem names serial {serial:x}, which the record does not say is revoked: the ledger is an old copy"
+        f"crl.pem contains serial {serial:x}, which is not revoked in the record: the ledger is an old copy"
     ]
 
 

@@ -84,7 +84,7 @@ class Pier:
         """Nothing of the guest is left, and the record is whole."""
         authority = Authority.open(self.folder / "vpn")
         if problems := list(authority.check()):
-            assert "the next one that signs puts it in order" in problems[0], problems
+            assert "the next one that signs repairs it" in problems[0], problems
             assert self.sign() in {0, 5}
         assert list(authority.check()) == []
         assert self.inventory() == self.before

@@ -99,7 +99,7 @@ def test_guest_is_added_checked_and_removed_without_a_trace(quay: Quay) -> None:
     """Commands alone; 0 files edited by hand; the declaration is as it was, byte for byte."""
     before = quay.files()
     printed = quay.add()
-    assert f"lauv: declared in group_vars/all/guests.yml, a guest until {UNTIL}" in printed
+    assert f"lauv: added to group_vars/all/guests.yml, a guest until {UNTIL}" in printed
     (sealed,) = (quay.folder / "vpn").glob("handouts/*/*.age")
     (secret,) = [line.split()[1] for line in printed.splitlines() if line.startswith("  passphrase  ")]
     handed = open_package(sealed.read_bytes(), Secret(secret))
@@ -115,13 +115,13 @@ def test_guest_is_added_checked_and_removed_without_a_trace(quay: Quay) -> None:
         (f"lauv/{cell}", "PASS", False) for cell in ("wifi", "gps", "ethernet")
     ]
     assert (
-        f"LAUV is a guest of Universitat de Girona until {UNTIL}, and no robot of the report's Table 3"
+        f"LAUV is a guest of Universitat de Girona until {UNTIL}, not a robot of the report's Table 3"
         in (document["notes"])
     )
 
     printed = quay.end()
     assert "udg-lauv: revoked" in printed
-    assert "ended here, and the server does not know it yet; it is not declared, has no good certificate" in printed
+    assert "ended here; the server is not updated yet; it is not in the inventory, has no good certificate" in printed
     assert quay.files() == before
     assert list((quay.folder / "vpn" / "handouts").iterdir()) == []
     (member,) = guests.members_of(quay.authority, "lauv")
@@ -141,22 +141,22 @@ def test_no_certificate_is_valid_beyond_the_last_day(quay: Quay) -> None:
         quay.type(*words, "--passphrase-fd", number)
     assert max(each.not_after for each in guests.members_of(quay.authority, "lauv")[0].good) <= end
     printed = quay.type(*words, "days=90", code=3)
-    assert f"`days=90`: the guest `lauv` is here until {UNTIL}" in printed
+    assert f"`days=90`: guest `lauv` stays until {UNTIL}" in printed
 
 
 def test_plan_shows_changes_and_changes_nothing(quay: Quay) -> None:
     before, authority = quay.files(), quay.files("vpn")
     printed = quay.add("--plan", code=2, passphrase=None)
-    assert "would declare lauv in group_vars/all/guests.yml: gps, wifi, ethernet, tested at coastal" in printed
+    assert "would add lauv to group_vars/all/guests.yml: gps, wifi, ethernet, tested at coastal" in printed
     assert "would let udg-lauv into the VPN, for 20 days" in printed
     assert (quay.files(), quay.files("vpn")) == (before, authority)
     quay.add()
     there, authority = quay.files(), quay.files("vpn")
-    assert "already so: nothing to do" in quay.add("--plan", passphrase=None)
+    assert "nothing to do: already complete" in quay.add("--plan", passphrase=None)
     printed = quay.type("robot", "dismiss", "name=lauv", "--plan", code=2, passphrase=None)
     assert printed.splitlines() == [
-        "would put udg-lauv out of the VPN, for good",
-        "would take lauv out of group_vars/all/guests.yml",
+        "would revoke the VPN access of udg-lauv permanently",
+        "would remove lauv from group_vars/all/guests.yml",
     ]
     assert (quay.files(), quay.files("vpn")) == (there, authority)
 
@@ -164,7 +164,7 @@ def test_plan_shows_changes_and_changes_nothing(quay: Quay) -> None:
 def test_repeated_add_changes_nothing(quay: Quay) -> None:
     quay.add()
     there, authority = quay.files(), quay.files("vpn")
-    assert "udg-lauv: already so" in quay.add(passphrase=None)
+    assert "udg-lauv: unchanged" in quay.add(passphrase=None)
     assert (quay.files(), quay.files("vpn")) == (there, authority)
 
 
@@ -173,8 +173,8 @@ def test_different_guest_of_the_same_name_is_refused_with_the_end_command(quay: 
     quay.add()
     words = (*LAUV[:-1], "cells=gps", f"until={UNTIL}", "--no-push")
     printed = quay.type("robot", "invite", *words, code=3)
-    assert "the guest `lauv` is declared already, and otherwise" in printed
-    (typed,) = advised(said(printed, "`provision robot dismiss name={}` takes it away; or correct {}"))
+    assert "the guest `lauv` is already in the inventory, with other values" in printed
+    (typed,) = advised(said(printed, "`provision robot dismiss name={}` removes it; or correct {}"))
     ours = [word for word in typed if not word.startswith(("inventory=", "authority="))]
     assert "lauv: ended here" in quay.type(*ours, "--yes", "--no-push", code=5)
     assert quay.files() == before
@@ -183,7 +183,7 @@ def test_different_guest_of_the_same_name_is_refused_with_the_end_command(quay: 
 def test_printed_checklist_command_is_for_the_guest(quay: Quay) -> None:
     printed = said(quay.add(), "its checklist: provision check site={} vehicle={}")
     (typed,) = advised(printed)
-    assert "lauv/gps: LAUV knows where it is" in quay.type(*typed, "--rehearse", code=6)
+    assert "lauv/gps: LAUV has a valid position" in quay.type(*typed, "--rehearse", code=6)
 
 
 def test_interrupted_add_can_be_undone_as_suggested(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -195,9 +195,7 @@ def test_interrupted_add_can_be_undone_as_suggested(quay: Quay, monkeypatch: pyt
     with monkeypatch.context() as patch:
         patch.setattr("atlantis_netcfg.cli.vpn.members.close", stop)
         printed = quay.add(code=5)
-    hint = (
-        "what was recorded stands: type the same again, or take all of it back with `provision robot dismiss name=NAME`"
-    )
+    hint = "recorded changes remain: run the same command again, or undo all with `provision robot dismiss name=NAME`"
     (typed,) = advised(said(printed, hint))
     ours = [word.replace("NAME", "lauv") for word in typed if not word.startswith(("inventory=", "authority="))]
     assert "lauv: ended here" in quay.type(*ours, "--yes", "--no-push", code=5)
@@ -225,7 +223,7 @@ def test_kill_between_declaring_and_issuing_can_be_completed_or_undone(
         assert "udg-lauv: udg-lauv, address" in quay.add()
         quay.end()
     else:
-        assert "lauv: ended; it is not declared" in quay.end(code=0)
+        assert "lauv: ended; it is not in the inventory" in quay.end(code=0)
     assert quay.files() == before
 
 
@@ -241,7 +239,7 @@ def test_killed_end_is_completed_by_repeating(quay: Quay, step: str, monkeypatch
         patch.setattr(inventory_files if step == "write" else guests, step, killed)
         with pytest.raises(_KilledError):
             quay.end()
-    assert "ended here, and the server does not know it yet; it is not declared" in quay.end()
+    assert "ended here; the server is not updated yet; it is not in the inventory" in quay.end()
     assert quay.files() == before
     assert list((quay.folder / "vpn" / "handouts").iterdir()) == []
 
@@ -261,7 +259,9 @@ def test_concurrent_add_waits_and_neither_is_lost(quay: Quay, monkeypatch: pytes
             patch.setattr(Onboarding, "issue", issue)
             seconds.append(quay.type("robot", "invite", *other, code=4))
             seconds.append(quay.type("robot", "dismiss", "name=lauv", "--yes", "--no-push", code=4))
-            assert "would declare old" in quay.type("robot", "invite", *other, "--plan", code=2, passphrase=None)
+            assert "would set old in the inventory" in quay.type(
+                "robot", "invite", *other, "--plan", code=2, passphrase=None
+            )
         return issue(*words)
 
     before = quay.files()
@@ -269,7 +269,7 @@ def test_concurrent_add_waits_and_neither_is_lost(quay: Quay, monkeypatch: pytes
         patch.setattr(Onboarding, "issue", interrupted)
         quay.add()
     for printed in seconds:
-        assert "the file of guests is being worked on by" in printed
+        assert "the guest file is being worked on by" in printed
         assert "provision robot invite name=lauv" in printed
     assert [key for key, one in load(quay.inventory).vehicles.items() if isinstance(one, Guest)] == ["lauv"]
     quay.type("robot", "invite", *other)
@@ -297,20 +297,20 @@ def test_comments_and_other_guests_stay(quay: Quay) -> None:
     assert [key for key, one in load(quay.inventory).vehicles.items() if isinstance(one, Guest)] == ["old", "lauv"]
     quay.end()
     assert quay.files() == before
-    assert "there is no guest `ald`" in quay.type("robot", "dismiss", "name=ald", "--plan", code=7)
+    assert "no such guest: `ald`" in quay.type("robot", "dismiss", "name=ald", "--plan", code=7)
 
 
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
         (("name=Lauv",), 3, "has capital letters"),
-        (("name=sparus",), 3, "`sparus` is declared in vehicles.yml, and no guest of this command"),
-        (("partner=iqa",), 3, "`partner=iqa`: there is no such partner"),
+        (("name=sparus",), 3, "`sparus` is in vehicles.yml, and is not a guest of this command"),
+        (("partner=iqa",), 3, "`partner=iqa`: no such partner"),
         (("site=costal",), 3, "did you mean `coastal`?"),
-        (("until=soon",), 3, "`until=soon` is no day"),
-        (("until=2020-01-01",), 3, "the guest `lauv` was here until 2020-01-01"),
-        (("title=Sparus",), 3, "`Sparus` is a robot of the report's Table 3, and no guest"),
-        (("link=wire",), 3, "`link=`: `wire` is not known"),
+        (("until=soon",), 3, "`until=soon` is not a date"),
+        (("until=2020-01-01",), 3, "the stay of guest `lauv` ended on 2020-01-01"),
+        (("title=Sparus",), 3, "`Sparus` is a robot of the report's Table 3, not a guest"),
+        (("link=wire",), 3, "`link=`: unknown value `wire`"),
     ],
 )
 def test_invalid_request_is_reported_and_nothing_is_written(
@@ -327,7 +327,7 @@ def test_revoked_name_is_never_reused_and_leaves_no_entry(quay: Quay) -> None:
     before = quay.files()
     quay.add()
     quay.end()
-    assert "Names never return" in quay.add(code=3)
+    assert ". Names cannot be used again" in quay.add(code=3)
     assert quay.files() == before
 
 
@@ -350,7 +350,7 @@ class Told:
     def disconnect(self, authority: Authority, revocation: RevocationResult, notify: Subscriber) -> DeployResult:  # noqa: ARG002
         self.cuts.append(revocation.common_names)
         if self.away:
-            return DeployResult(errors=(OutcomeUnknown("the server does not answer"),), is_deployed=False)
+            return DeployResult(errors=(OutcomeUnknown("the server does not respond"),), is_deployed=False)
         authority.confirm_revocations(revocation.common_names)
         return DeployResult(("no session of udg-lauv",))
 
@@ -363,11 +363,11 @@ def test_revocation_is_pushed_again_until_the_server_answers(quay: Quay, monkeyp
 
     monkeypatch.setattr(_common, "server", server)
     assert "the server has it" in quay.add()
-    assert "the server does not answer" in quay.end(code=5)
+    assert "the server does not respond" in quay.end(code=5)
     there.away = False
-    assert "lauv: ended; it is not declared" in quay.end(code=0)
+    assert "lauv: ended; it is not in the inventory" in quay.end(code=0)
     assert there.cuts == [("udg-lauv",), ("udg-lauv",)]
-    assert "lauv: already so; it is not declared" in quay.end(code=0)
+    assert "lauv: unchanged; it is not in the inventory" in quay.end(code=0)
     assert len(there.cuts) == 2
 
 
@@ -376,5 +376,5 @@ def test_leftovers_are_named_and_fail_the_command(quay: Quay, monkeypatch: pytes
     monkeypatch.setattr(guests, "remove_packages", lambda *_: None)
     printed = quay.end(code=6)
     assert "something of lauv is left:" in printed
-    assert "handouts/udg-lauv is still there" in printed
-    assert "it is not declared" not in printed
+    assert "handouts/udg-lauv still exists" in printed
+    assert "it is not in the inventory" not in printed

@@ -321,55 +321,55 @@ LIST = ("`provision vpn list` lists them all", 0, "iqua-laptop")
 SITUATIONS: dict[str, Situation] = {
     "a member that is there": (
         twice,
-        "made before; if its passphrase is lost: provision vpn renew name={}",
+        "created earlier; if its passphrase is lost: provision vpn renew name={}",
         0,
         "iqua-laptop.2",
     ),
     "left for later": (
         lambda at: at.type(*LAPTOP, "--no-push"),
-        "the server was not asked (`--no-push`): `provision vpn sync` brings it there",
+        "the server was not contacted (`--no-push`): `provision vpn sync` updates it",
         0,
         "",
     ),
-    "revoked, for later": (gone_later, "`provision vpn sync` cuts them off: {}", 0, ""),
-    "stopped by hand": (
+    "revoked, for later": (gone_later, "`provision vpn sync` ends their sessions: {}", 0, ""),
+    "interrupted by the user": (
         stopped,
-        "what was recorded stands: type the same again, or look with `provision vpn status`",
+        "recorded changes remain: run the same command again, or check with `provision vpn status`",
         0,
         "iqua-laptop",
     ),
     "another server": (
         moved,
         (
-            "if the inventory is right, `provision vpn sync --sign` makes a certificate for it; another authority has "
-            "another folder: `authority=FOLDER`"
+            "if the inventory is right, run `provision vpn sync --sign` to issue a new server certificate; for "
+            "another authority, use another folder: `authority=FOLDER`"
         ),
         0,
         "the server has a new certificate",
     ),
-    "a new certificate of the server": (
+    "a new server certificate was requested": (
         served,
-        "the server has a new certificate: `provision site={}` puts it in its place",
+        "the server has a new certificate: `provision site={}` installs it",
         0,
-        "as declared",
+        "as in the inventory",
     ),
     "nobody ends soon": (
         lambda at: twice(at) and at.type("vpn", "renew", "all=30d", code=7),
-        "`provision vpn list` shows when they end",
+        "`provision vpn list` shows the expiry dates",
         0,
         "until",
     ),
-    "no authority": (without_authority, "`provision vpn init` makes one; `authority=DIR` names it", 0, "made: the"),
-    "no authority for a run": (without_authority_in_a_run, "make one: `provision vpn init`; {}", 0, "made: the"),
+    "no authority": (without_authority, "`provision vpn init` creates one; `authority=DIR` names it", 0, "made: the"),
+    "no authority for a run": (without_authority_in_a_run, "create one: `provision vpn init`; {}", 0, "made: the"),
     "no authority for the server": (
         without_authority_for_the_server,
-        "make one: `provision vpn init`; where a colleague has it, copy nothing: let them run this",
+        "create one: `provision vpn init`; where a colleague has it, copy nothing: let them run this",
         0,
         "made: the",
     ),
     "nobody is in": (
         lambda at: at.type("vpn", "list", code=7),
-        "`provision vpn onboard --help` says how to add one",
+        "to add one, see `provision vpn onboard --help`",
         0,
         "provision vpn onboard",
     ),
@@ -381,10 +381,10 @@ SITUATIONS: dict[str, Situation] = {
         "iqua-laptop",
     ),
     "nobody named": (lambda at: of_the_signer(at, lambda signer: signer.revoke([], "a test")), *LIST),
-    "no certificate in use": (no_certificate, *LIST),
+    "` is not a certificate in use": (no_certificate, *LIST),
     "another wish": (
         another_wish,
-        "`provision vpn renew name={}` changes link, wrap, key and system; else take another name",
+        "`provision vpn renew name={}` changes link, wrap, key and system; otherwise use another name",
         0,
         "iqua-laptop.2",
     ),
@@ -397,13 +397,13 @@ SITUATIONS: dict[str, Situation] = {
     ),
     "a list that ends soon": (
         a_list_that_ends_soon,
-        "{} ends on {}, and then nobody gets in: provision vpn sync --sign",
+        "{} expires on {}; then nobody can connect: provision vpn sync --sign",
         0,
         "",
     ),
     "a list that has ended": (
         a_list_that_has_ended,
-        "look at this computer's clock, then sign a new one: provision vpn sync --sign",
+        "check this computer's clock, then sign a new one: provision vpn sync --sign",
         0,
         "",
     ),
@@ -415,20 +415,28 @@ SITUATIONS: dict[str, Situation] = {
     ),
     "a shared key that ends": (
         a_shared_key_that_ends,
-        "with OpenVPN 2.5 or later on it: `provision vpn renew name={} wrap=tls-crypt-v2`",
+        "if they have OpenVPN 2.5 or later: `provision vpn renew name={} wrap=tls-crypt-v2`",
         0,
         "iqua-laptop.2",
     ),
     "a key without a cookie": (
         a_key_without_a_cookie,
-        "`provision vpn renew name={}` makes one that any OpenVPN can use",
+        "`provision vpn renew name={}` creates a key that works with any OpenVPN",
         0,
         "coastal-router.2",
     ),
-    "an identity for a gateway": (lambda at: at.type(*GATEWAY), "provision site={} device={}", 0, "as declared"),
+    "an identity for a gateway": (
+        lambda at: at.type(*GATEWAY),
+        "provision site={} device={}",
+        0,
+        "as in the inventory",
+    ),
     "an identity that has ended": (
         an_identity_that_has_ended,
-        "`provision vpn renew name={}` where the authority is, and here what it hands out",
+        (
+            "run `provision vpn renew name={}` on the computer of the authority, then install the new enrolment "
+            "package here"
+        ),
         0,
         "coastal-router.2",
     ),
@@ -436,7 +444,7 @@ SITUATIONS: dict[str, Situation] = {
         lambda at: at.type("vpn", "install", "device=coastal-gateway", code=7),
         "gateways get theirs from `provision site={}`",
         0,
-        "as declared",
+        "as in the inventory",
     ),
     "a gateway without identity": (
         a_gateway_without_identity,
@@ -453,36 +461,36 @@ SITUATIONS: dict[str, Situation] = {
     "a list of another authority": (
         a_list_of_another,
         (
-            "it is not signed by this authority, or older than the one in its place: with it a revoked member would be "
-            "let in. Look at `provision vpn status`, and type the same again"
+            "it is not signed by this authority, or older than the one in its place: with it a revoked member would "
+            "be let in. Look at `provision vpn status`, and run the same command again"
         ),
         0,
-        "the record agrees with its signature",
+        "the record matches its signature",
     ),
     "a list that cannot be read": (
         lambda _: refused(lambda: vpn_server.accept(None, None, 0.0)),
-        "`provision vpn status` tells what is wrong with the authority's own list",
+        "`provision vpn status` shows what is wrong with the authority's own list",
         0,
-        "the record agrees with its signature",
+        "the record matches its signature",
     ),
     "what an audit does not check": (
         lambda at: at.type(*LAPTOP) and at.type("vpn", "audit"),
-        "whether this is the newest copy is not checked here: `provision vpn status` asks the server",
+        "this command does not check whether this is the newest copy: `provision vpn status` asks the server",
         0,
-        "the record agrees with its signature",
+        "the record matches its signature",
     ),
     "a list of an older copy": (
         of_an_older_copy,
         (
-            "this is not the newest copy of the authority: find the one with which list {} was made; `provision vpn "
-            "status` tells what the server knows beyond this one, and what to do if that copy is lost"
+            "this is not the newest copy of the authority: find the one that made list {}; `provision vpn status` "
+            "shows what the server knows beyond this copy, and what to do if the newest copy is lost"
         ),
         0,
         "iqua-laptop",
     ),
     "a list that has ended by the server's clock": (
         by_the_servers_clock,
-        "`date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
+        "check `date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
         0,
         "",
     ),

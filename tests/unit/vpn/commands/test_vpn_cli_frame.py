@@ -38,4 +38,4 @@ def test_interrupted_command_says_to_repeat_it(
 
     monkeypatch.setattr(_common, "load_inventory", stopped)
     assert main(["vpn", "onboard", "device=coastal-gateway"]) == ExitCode.UNKNOWN
-    assert "type the same again" in capsys.readouterr().err
+    assert "run the same command again" in capsys.readouterr().err

@@ -14,7 +14,7 @@ from vpn_desk import Desk, declared, seated
 from atlantis_netcfg.vpn.names import LONGEST
 
 NO_PUSH = "--no-push"
-ASKS = "nobody is here to type it"
+ASKS = "and there is no terminal to type it"
 """A good name goes as far as to the passphrase, which nobody types here."""
 OTHERS = ["onboard", "partner=iqua", "device=auv1", "kind=robot", NO_PUSH]
 TEMPLATES = {

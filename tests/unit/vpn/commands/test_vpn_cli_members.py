@@ -66,7 +66,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
         (("short",), "guesses find it, and 10^16 are needed"),
         (("Password1234Password1234",), "the passphrase is too weak: about 10^"),
         (("",), "the passphrase is empty"),
-        ((PASSPHRASE, PASSPHRASE[:-1]), "the two are not the same, so nothing was made"),
+        ((PASSPHRASE, PASSPHRASE[:-1]), "the two entries differ; nothing was created"),
     ],
 )
 def test_unacceptable_passphrase_is_refused(
@@ -87,7 +87,7 @@ def test_terminal_asks_twice_for_a_new_passphrase_and_once_to_use_it(
     assert new.told(*LAPTOP)["members"][0]["name"] == "iqua-laptop"
     assert new.told("init")["already"] is True
     assert asked == [
-        "Choose the passphrase of the CA key (six words that a die has chosen, for instance): ",
+        "Choose the passphrase of the CA key (for example six dice-selected words): ",
         "The same again: ",
         "The passphrase of the CA key: ",
     ]
@@ -126,7 +126,7 @@ def test_one_time_passphrase_is_printed_once_and_opens_the_package(desk: Desk) -
     assert read_identity(profile).member.vehicle == "sparus"
     assert shown.encode() not in b"".join(desk.files().values())
     code, again, _ = desk.type(*onboarding("iqua", "sparus2", "robot"))
-    assert (code, "already so" in again, shown in again) == (0, True, False)
+    assert (code, "unchanged" in again, shown in again) == (0, True, False)
 
 
 def test_interrupt_during_deployment_still_shows_the_passphrase(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,7 +137,7 @@ def test_interrupt_during_deployment_still_shows_the_passphrase(desk: Desk, monk
     told = desk.told(*LAPTOP, passphrase=PASSPHRASE, code=5)
     assert (told["members"][0]["name"], told["deployed"]) == ("iqua-laptop", False)
     code, out, err = desk.type(*onboarding("iqua", "sparus2", "robot"), passphrase=PASSPHRASE)
-    assert (code, "  passphrase  " in out, "stopped by Ctrl-C" in err) == (5, True, True)
+    assert (code, "  passphrase  " in out, "interrupted by Ctrl-C" in err) == (5, True, True)
 
 
 def test_repeated_request_issues_nothing_and_a_different_one_is_refused(desk: Desk) -> None:
@@ -177,20 +177,20 @@ def test_batch_file_issues_all_listed_devices(suffix: str, text: str, desk: Desk
 
 
 BAD: dict[str, tuple[bytes, str]] = {
-    "laughs.yml": (b"a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "laughs.yml:1: this is no list"),
+    "laughs.yml": (b"a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n", "laughs.yml:1: this is not a list"),
     "deep.yml": (b"- " * 2000 + b"x", "deep.yml:1: this is nested too deeply"),
     "alias.yml": (b"- &a {partner: iqua}\n- *a\n", "alias.yml:2: an alias"),
     "tag.yml": (b"- !!python/object/apply:os.system [id]\n", "tag.yml:1: a `!` begins a tag"),
-    "twice.yml": (b"- {partner: iqua, partner: eca}\n", "twice.yml:1: `partner` stands here twice"),
-    "word.yml": (b"- {partner: iqua, devise: a}\n", "word.yml:1: `devise` is not known here"),
-    "list.yml": (b"- {partner: iqua, device: [a]}\n", "list.yml:1: `device` has no simple value"),
-    "text.yml": (b"- just words\n", "text.yml:1: this is no record"),
-    "empty.yml": (b"", "empty.yml:1: there is no record in it"),
+    "twice.yml": (b"- {partner: iqua, partner: eca}\n", "twice.yml:1: `partner` is here twice"),
+    "word.yml": (b"- {partner: iqua, devise: a}\n", "word.yml:1: unknown key `devise`"),
+    "list.yml": (b"- {partner: iqua, device: [a]}\n", "list.yml:1: `device` needs a simple value"),
+    "text.yml": (b"- just words\n", "text.yml:1: this is not a record"),
+    "empty.yml": (b"", "empty.yml:1: it contains no record"),
     "bytes.yml": (b"- {partner: iqua}\n- \xff\xfe\n", "bytes.yml:2: this line is not UTF-8 text"),
     "large.yml": (b"#" * 1_000_001, "large.yml is larger than 1 MB"),
     "same.yml": (b"- {partner: iqua, device: a, kind: robot}\n" * 2, "same.yml:2: `iqua-a` is there twice, first in"),
     "columns.csv": (b"partner,device,kind\niqua,a\n", "columns.csv:2: 2 values for 3 columns"),
-    "head.csv": (b"partner,partner\niqua,eca\n", "head.csv:1: `partner` stands here twice"),
+    "head.csv": (b"partner,partner\niqua,eca\n", "head.csv:1: `partner` is here twice"),
     "quote.csv": (b'partner,device\niqua,"a\n', "quote.csv:2: this is no CSV"),
     "nul.csv": (b"partner,device,kind\niqua,a\0b,robot\n", "nul.csv:2: "),
 }
@@ -214,7 +214,7 @@ def test_list_audit_and_status_report_the_members(desk: Desk) -> None:
     desk.told(*onboarding("eca", "rov", "robot"), f"recipient={NOBODY}", passphrase=PASSPHRASE)
     assert [one["name"] for one in desk.told("list")["members"]] == ["iqua-laptop", "eca-rov"]
     assert [one["name"] for one in desk.told("list", "partner=eca")["members"]] == ["eca-rov"]
-    assert desk.told("show", "name=iqua-laptop")["member"]["certificates"][0]["standing"] == "issued"
+    assert desk.told("show", "name=iqua-laptop")["member"]["certificates"][0]["background"] == "issued"
     (renewed,) = desk.told("renew", "name=eca-rov", f"recipient={NOBODY}", "--no-push", passphrase=PASSPHRASE)[
         "members"
     ]
@@ -264,7 +264,7 @@ def test_identity_can_be_accepted_on_another_laptop(desk: Desk, tmp_path: Path) 
     other = Desk(tmp_path / "other", desk.capsys)
     taking = ("accept", f"file={row['copy']}", f"key={tmp_path / 'age.key'}")
     (tmp_path / "age.key").chmod(0o644)
-    assert "others may read the key" in other.told(*taking, code=3)["errors"][0]["message"]
+    assert "other users can read the key" in other.told(*taking, code=3)["errors"][0]["message"]
     (tmp_path / "age.key").chmod(0o600)
     assert other.told(*taking)["already"] is False
     assert other.told(*taking)["already"] is True
@@ -288,7 +288,12 @@ def test_renamed_server_gets_one_new_certificate(desk: Desk, tmp_path: Path, mon
 
     monkeypatch.setattr(_common, "load_inventory", lambda _: moved)
     code, _, said = desk.type("init", passphrase=PASSPHRASE)
-    assert (code, f"`provision vpn sync --sign authority={desk.authority}` makes a certificate for it" in said) == (
+    assert (
+        code,
+        f"`provision vpn sync --sign authority={desk.authority}if the inventory is right, run `provision "
+        "vpn sync --sign` to issue a new server certificate; for another authority, use another folder: "
+        "`authority=FOLDER`" in said,
+    ) == (
         3,
         True,
     ), said

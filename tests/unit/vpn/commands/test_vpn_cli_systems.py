@@ -98,7 +98,7 @@ def test_server_requiring_a_cookie_gives_older_clients_the_shared_key(
     assert wrap(desk, "renew", "name=iqua-router1", "--no-push") == "tls-crypt"
     asked = (*onboarding("iqua", "laptop4", "laptop", "openvpn=2.5"), "wrap=tls-crypt-v2")
     (error,) = desk.told(*asked, passphrase=PASSPHRASE, code=3)["errors"]
-    assert "answers such clients from OpenVPN 2.6 on alone" in error["message"]
+    assert "the server accepts such clients only from OpenVPN 2.6 on (`force_cookie`)" in error["message"]
 
 
 def test_argument_contradicting_the_vehicle_is_refused(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,8 +107,8 @@ def test_argument_contradicting_the_vehicle_is_refused(desk: Desk, monkeypatch: 
     words = onboarding("iqua", "sparus2", "robot", "distribution=foxy", "openvpn=2.4")
     told = desk.told(*words, passphrase=PASSPHRASE, code=3)
     said = [(error["message"], error["hint"]) for error in told["errors"]]
-    assert "`distribution=foxy`: the vehicle `sparus` is declared with `distribution: humble`" in str(said)
-    assert "`openvpn=2.4`: the vehicle `sparus` is declared with `openvpn: 2.6`" in str(said)
+    assert "`distribution=foxy`: the inventory has `sparus` with `distribution: humble`" in str(said)
+    assert "`openvpn=2.4`: the inventory has `sparus` with `openvpn: 2.6`" in str(said)
     assert wrap(desk, *onboarding("iqua", "sparus2", "robot", "distribution=humble")) == "tls-crypt-v2"
 
 
@@ -116,7 +116,7 @@ def test_renewal_uses_a_key_format_the_client_can_read(desk: Desk, monkeypatch: 
     renew = ("renew", "name=iqua-sparus2", "--no-push")
     assert wrap(desk, *onboarding("iqua", "sparus2", "robot", "openvpn=2.6")) == "tls-crypt-v2"
     told = desk.told(*renew, "wrap=tls-crypt-v2", passphrase=PASSPHRASE, code=3)
-    assert "the device's OpenVPN is 2.4, which cannot read such a profile" in told["errors"][0]["message"]
+    assert "`: the device has OpenVPN 2.4, which cannot read such a profile" in told["errors"][0]["message"]
     assert wrap(desk, *renew) == "tls-crypt"
     monkeypatch.setattr(_common, "load_inventory", lambda _arguments: pilot({"openvpn": NEW}, distribution=FOXY))
     assert wrap(desk, *renew) == "tls-crypt"  # as before, since it can be read
@@ -143,7 +143,7 @@ def test_client_system_is_stored_and_reused_on_renewal(desk: Desk) -> None:
     (moved,) = desk.told(*renew, "system=macos", passphrase=PASSPHRASE)["members"]
     assert "Tunnelblick" in opened(moved, key)["README.txt"]
     refused = desk.told(*renew, "system=routeros", passphrase=PASSPHRASE, code=3)["errors"][0]["message"]
-    assert refused == "`system=routeros` is no system of a laptop"
+    assert refused == "`system=routeros`: a laptop does not use this system"
 
 
 def opened(row: dict[str, Any], key: pyrage.x25519.Identity) -> dict[str, str]:

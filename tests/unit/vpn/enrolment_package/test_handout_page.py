@@ -93,7 +93,7 @@ def test_operator_input_is_escaped_in_html(declaration: Inventory) -> None:
 
 @pytest.mark.parametrize("contact", ["", "  ", "two\nlines", "bell\x07", "x" * 201])
 def test_invalid_contact_is_refused(contact: str, declaration: Inventory) -> None:
-    with pytest.raises(UsageError, match="whom a partner calls has to be one line of at most 200 characters"):
+    with pytest.raises(UsageError, match="the contact for a partner must be one line of at most 200 characters"):
         contents(declaration, identity(), contact=contact)
 
 
@@ -141,15 +141,15 @@ def test_page_lists_partners_that_see_a_robot_and_robots_a_partner_sees(declarat
     seeing = replace(declaration, partners={**declaration.partners, "vtt": partner})
     robot = contents(seeing, identity(KINDS["robot"]), contact=CONTACT)["README.txt"]
     other = contents(seeing, identity(KINDS["router"]), contact=CONTACT)["README.txt"]
-    assert "This robot is also reached, by ping and DDS, by: VTT." in " ".join(robot.split())
+    assert "This robot can also be reached, by ping and DDS, by: VTT." in " ".join(robot.split())
     assert "- the robots Sparus, Zarco: ping, DDS (UDP 7410 to 7429)\n" in other
-    assert "also reached" not in other
+    assert "This robot can also be reached" not in other
 
 
 def test_page_without_dds_or_services(declaration: Inventory) -> None:
     vpn = declaration.pilot.vpn.model_copy(update={"services": ()})
     plain = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": None, "vpn": vpn}))
     told = contents(plain, identity(), contact=CONTACT)
-    assert "DDS" not in told["README.txt"].partition("What you may reach")[2]
+    assert "DDS" not in told["README.txt"].partition("What you can reach")[2]
     assert json.loads(told["self-test.json"])["dds_port"] is None
     assert "- the control centre (scc-control 10.80.0.2): ping\n" in told["README.txt"]

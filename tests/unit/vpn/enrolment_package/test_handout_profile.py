@@ -114,23 +114,23 @@ def test_no_line_is_too_long_for_openvpn_2_4(declaration: Inventory, wanted: Wan
 
 
 MISFITS: dict[str, tuple[Callable[[str], str], str]] = {
-    "another text": (lambda _: "client\n", "it has no line `# atlantis-identity 1`"),
-    "two of them": (lambda text: text + text, "it has no line `# atlantis-identity 1`"),
-    "cut": (lambda text: text[: len(text) // 2], "the block <cert> is there 0 times"),
-    "a line gone": (lambda text: text.replace("# link: fibre\n", ""), "the lines at its beginning are not whole"),
-    "unknown kind": (lambda text: text.replace("kind: laptop", "kind: toaster"), "a value in it cannot be read"),
-    "no address": (lambda text: text.replace("10.80.16.1", "10.80.16"), "a value in it cannot be read"),
+    "another text": (lambda _: "client\n", "the line `# atlantis-identity 1` is missing"),
+    "two of them": (lambda text: text + text, "the line `# atlantis-identity 1` is missing"),
+    "cut": (lambda text: text[: len(text) // 2], "it contains the block <cert> 0 times"),
+    "a line gone": (lambda text: text.replace("# link: fibre\n", ""), "its header is incomplete"),
+    "unknown kind": (lambda text: text.replace("kind: laptop", "kind: toaster"), "it contains an invalid value"),
+    "no address": (lambda text: text.replace("10.80.16.1", "10.80.16"), "it contains an invalid value"),
     "unknown wrap": (
         lambda text: text.replace("wrap: tls-crypt-v2", "wrap: none"),
-        "how its control channel is wrapped is not known",
+        "the protection of its control channel is unknown",
     ),
     "another's name": (
         lambda text: text.replace("inesc-laptop1", "inesc-laptop2"),
-        "its certificate has another name than its first lines",
+        "the name in its certificate differs from the one in its header",
     ),
     "another's key": (
         lambda text: text.replace(identity_key(text), identity_key(identity_file(identity()).reveal())),
-        "its key belongs to another certificate",
+        "its key does not match its certificate",
     ),
     "endless": (lambda text: text + " " * 65536, "it has more than 65536 characters"),
 }
@@ -146,11 +146,11 @@ def test_invalid_identity_is_refused(case: str) -> None:
     text = identity_file(identity()).reveal()
     with pytest.raises(NotAnIdentity) as refused:
         read_identity(spoil(text))
-    assert str(refused.value) == f"this is no identity of the VPN: {why}"
+    assert str(refused.value) == f"not a VPN identity: {why}"
     assert "PRIVATE" not in repr(refused.value) + repr(refused.value.__cause__)
 
 
 def test_certificate_of_another_ca_is_refused() -> None:
     told = identity()
-    with pytest.raises(NotAnIdentity, match="its certificate is of another CA"):
+    with pytest.raises(NotAnIdentity, match="its certificate was issued by another CA"):
         read_identity(identity_file(replace(told, ca=told.cert)).reveal())

@@ -64,7 +64,7 @@ class TestSealing:
         assert (made.file_name, made.sha256) == ("inesc-laptop1.tar.age", hashlib.sha256(made.data).hexdigest())
         assert digits not in repr(made)
         assert read_identity(open_package(made.data, Secret(digits.replace("-", " ")))["inesc-laptop1.ovpn"]) == told
-        with pytest.raises(WrongKey, match="this passphrase does not open the hand-out"):
+        with pytest.raises(WrongKey, match="this passphrase does not open the enrolment package"):
             open_package(made.data, Secret("00000-00000-00000-00000-00000"))
 
     @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ class TestSealing:
         )
         assert (made.passphrase, made.file_name) == (None, "inesc-laptop1.3.tar.age")
         assert "inesc-laptop1.ovpn" in open_package(made.data, Secret(str(key)))
-        with pytest.raises(WrongKey, match="this key does not open the hand-out"):
+        with pytest.raises(WrongKey, match="this key does not open the enrolment package"):
             open_package(made.data, Secret(str(pyrage.x25519.Identity.generate())))
 
     def test_invalid_recipient_key_is_refused(self, declaration: Inventory) -> None:
@@ -100,7 +100,7 @@ class TestSealing:
     def test_damaged_package_is_refused(
         self, spoil: Callable[[bytes], bytes], declaration: Inventory, key: pyrage.x25519.Identity
     ) -> None:
-        with pytest.raises(InvalidPackage, match="it is not sealed, or was damaged on its way"):
+        with pytest.raises(InvalidPackage, match="it is not sealed, or was damaged on the way"):
             open_package(spoil(sealed(declaration, Wanted(), key)), Secret(str(key)))
 
     def test_age_and_tar_open_the_package_with_private_files(
@@ -161,15 +161,15 @@ class TestArchive:
         ("packed", "why"),
         [
             (pack("a", {}, 0), "it is empty"),
-            (pack("a", {"b": "1"}, 0)[:700], "what it contains cannot be read"),
-            (os.urandom(4096), "what it contains cannot be read"),
+            (pack("a", {"b": "1"}, 0)[:700], "its content cannot be read"),
+            (os.urandom(4096), "its content cannot be read"),
             (bytes(1024 * 1024 + 1), "it is larger than 1048576 bytes"),
             (pack("a", {f"b{number}": "" for number in range(21)}, 0), "it contains 'a/b20'"),
         ],
         ids=["empty", "cut", "noise", "large", "many"],
     )
     def test_invalid_archive_is_refused(self, packed: bytes, why: str) -> None:
-        with pytest.raises(InvalidPackage, match=f"^this is no hand-out of the VPN: {re.escape(why)}$"):
+        with pytest.raises(InvalidPackage, match=f"^this is not an enrolment package of the VPN: {re.escape(why)}$"):
             unpack(packed)
 
     def test_archive_with_two_folders_or_a_duplicate_name_is_refused(self) -> None:
@@ -200,7 +200,7 @@ class TestAccept:
         new = sealed(declaration, replace(GATEWAY, generation=2, not_before=later), key)
         for data in (old, new):
             kept = accept(declaration, data, Secret(str(key)), tmp_path, now=NOW)
-        with pytest.raises(UsageError, match="a newer identity of coastal-gateway is there already"):
+        with pytest.raises(UsageError, match="a newer identity of coastal-gateway already exists"):
             accept(declaration, old, Secret(str(key)), tmp_path, now=NOW)
         assert read_identity(kept.path.read_text()).certificate.common_name == "coastal-gateway.2"
         kept.path.write_text("client\n")
@@ -209,7 +209,7 @@ class TestAccept:
     @pytest.mark.parametrize(
         ("wanted", "why"),
         [
-            (Wanted(), "it is for a partner's device, and not for a computer of the inventory"),
+            (Wanted(), "it is for a partner's device, not for a computer of the inventory"),
             (replace(GATEWAY, name="coastal-gatway"), "coastal-gatway, which is no host of this inventory"),
             (replace(GATEWAY, address="10.80.0.99"), "the address 10.80.0.99; the inventory declares 10.80.0.21"),
             (replace(GATEWAY, not_after=NOW - timedelta(days=1)), "has expired on 2026-11-21"),

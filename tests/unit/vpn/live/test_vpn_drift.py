@@ -57,8 +57,13 @@ CASES: dict[str, dict[str, Any]] = {
     "sound": {},
     "never set up": {"ready": False, "files": {}},
     "not admitted": {"files": without(f"{CCD}/iqua-d0")},
-    "changed by hand": {"files": {**FILES, f"{CCD}/iqua-d0": "00"}},
-    "a stranger": {"files": {**FILES, f"{CCD}/x": "00"}},
+    "its file on the server differs from the record": {"files": {**FILES, f"{CCD}/iqua-d0": "00"}},
+    "Runs on this computer without ROS, and sends only DDS announcements, about 0.3 MB a minute. It receives "
+    "only ROS 2 topics in the pilot's domain. A recording contains the robots' tokens, so its folder is "
+    "private. It stops at 1 GB. Exit code 0: every robot tested there was received and matches its file; 6: "
+    "a robot is missing or differs, an unknown one or none at all was received, or the recording ended early.": {
+        "files": {**FILES, f"{CCD}/x": "00"}
+    },
     "no list": {"crl": None},
     "another's list": {"crl": replace(CRL, is_signed=False)},
     "older": {"crl": replace(CRL, number=3), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
@@ -68,7 +73,7 @@ CASES: dict[str, dict[str, Any]] = {
     "expired": {"clock": NOW + timedelta(days=80)},
     "ends soon": {"clock": NOW + timedelta(days=51)},
     "no ruleset": {"files": without(FIREWALL)},
-    "no nft": {"members": None, "firewall_why": "nft does not answer"},
+    "no nft": {"members": None, "firewall_why": "nft does not respond"},
     "not loaded": {"members": None},
     "changed with nft": {"firewall_as_file": False},
     "cannot be told": {"firewall_as_file": None},

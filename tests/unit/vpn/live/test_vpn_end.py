@@ -129,7 +129,7 @@ def test_returning_client_is_ended_again_a_limited_number_of_times() -> None:
         (OpenVpn([session(7, "iqua-d0")], chatty=True), []),
         (
             OpenVpn([session(7, "iqua-d0")], nft=1),
-            ["their packets are not kept away: nft: Error: no such thing"] * vpn_disconnect._ROUNDS,
+            ["their packets are not blocked: nft: Error: no such thing"] * vpn_disconnect._ROUNDS,
         ),
         (OpenVpn([session(7, "iqua-d0", "[2001:db8::7]:40000")]), []),
     ],

@@ -128,7 +128,7 @@ def test_full_backlog_is_reported_as_busy(tmp_path: Path) -> None:
         server.listen(0)
         waiting = stack.enter_context(closing(socket.socket(socket.AF_UNIX)))
         waiting.connect(path)
-        with pytest.raises(ManagementBusy, match="takes no connection"), open_socket(path, 0.05):
+        with pytest.raises(ManagementBusy, match="refuses the connection:"), open_socket(path, 0.05):
             pass
 
 
@@ -180,11 +180,11 @@ def test_columns_are_located_by_name() -> None:
     [
         ([], "no header"),
         (["END"], "no header"),
-        ([ROW, "END"], "not as its header"),
-        ([HEADER, ROW + "\tmore", "END"], "not as its header"),
-        ([HEADER, ROW.rpartition("\t")[0], "END"], "not as its header"),
+        ([ROW, "END"], "does not match its header:"),
+        ([HEADER, ROW + "\tmore", "END"], "does not match its header:"),
+        ([HEADER, ROW.rpartition("\t")[0], "END"], "does not match its header:"),
         ([HEADER, ROW], "no end"),
-        ([HEADER, ROW.replace("\t7\t", "\tseven\t"), "END"], "not as it should be"),
+        ([HEADER, ROW.replace("\t7\t", "\tseven\t"), "END"], "is invalid:"),
         ([HEADER.replace("Client ID", "Number"), ROW, "END"], "not as it should be: 'Client ID'"),
     ],
 )

@@ -69,7 +69,7 @@ def test_ansible_control_connection_is_shared(monkeypatch: pytest.MonkeyPatch, t
             255,
             "@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.\n",
             HostKeyMismatch,
-            "it shows another SSH host key than before",
+            "it shows a different SSH host key than before",
             "ssh-keygen -R scc-vpn",
         ),
         (255, "tech@192.0.2.10: Permission denied (publickey).\n", ServerAway, "does not let you in", "ssh-copy-id"),

@@ -50,7 +50,7 @@ def test_metadata_has_a_limit() -> None:
 
 @pytest.mark.parametrize("change", [("server key", "client key"), ("=", ""), ("\n", "\n!")])
 def test_invalid_server_key_is_refused(change: tuple[str, str]) -> None:
-    with pytest.raises(pki.CorruptKeyError, match="no tls-crypt-v2 key of a server"):
+    with pytest.raises(pki.CorruptKeyError, match="not a tls-crypt-v2 server key"):
         pki.client_key(Secret(pki.server_key().reveal().replace(*change)), b"")
 
 

@@ -58,16 +58,22 @@ def asked(step: Step) -> Listen:
 
 IN_USE = "INCONCLUSIVE in-use"
 SAID_OF_NOTHING = {
-    Trouble.REFUSED: f"{IN_USE}: the modem of Sparus turns us away at 10.64.1.22:9200: it is in use by the vehicle",
-    Trouble.CLOSED: f"{IN_USE}: the modem of Sparus turns us away at 10.64.1.22:9200: it is in use by the vehicle",
-    Trouble.BUSY: f"{IN_USE}: the modem of Sparus is in use: another program holds 10.64.1.22:9200",
-    Trouble.SILENT: "INCONCLUSIVE silent: nobody answers for the modem of Sparus at 10.64.1.22:9200",
-    Trouble.UNREACHABLE: "INCONCLUSIVE unreachable: there is no way to the modem of Sparus at 10.64.1.22:9200",
+    Trouble.REFUSED: (
+        f"{IN_USE}: the modem of Sparus refuses the connection at 10.64.1.22:9200: the vehicle is probably using it"
+    ),
+    Trouble.CLOSED: (
+        f"{IN_USE}: the modem of Sparus refuses the connection at 10.64.1.22:9200: the vehicle is probably using it"
+    ),
+    Trouble.BUSY: f"{IN_USE}: the modem of Sparus is in use: another program has 10.64.1.22:9200 open",
+    Trouble.SILENT: "INCONCLUSIVE silent: the modem of Sparus does not respond at 10.64.1.22:9200",
+    Trouble.UNREACHABLE: "INCONCLUSIVE unreachable: the modem of Sparus is not reachable at 10.64.1.22:9200",
     Trouble.MISSING: "FAIL no-port: the serial port 10.64.1.22:9200 for the modem of Sparus does not exist",
-    Trouble.DENIED: "INCONCLUSIVE denied: we may not open 10.64.1.22:9200 for the modem of Sparus",
-    Trouble.NO_PLACE: "INCONCLUSIVE no-place: the modem of Sparus was not asked: no way to coastal-gateway",
-    None: f"{IN_USE}: the modem of Sparus takes the connection at 10.64.1.22:9200 and says nothing: "
-    "it is in use by the vehicle",
+    Trouble.DENIED: "INCONCLUSIVE denied: no permission to open 10.64.1.22:9200 for the modem of Sparus",
+    Trouble.NO_PLACE: "INCONCLUSIVE no-place: the modem of Sparus was not contacted: no way to coastal-gateway",
+    None: (
+        f"{IN_USE}: the modem of Sparus accepts the connection at 10.64.1.22:9200 and sends nothing: the vehicle "
+        "is probably using it"
+    ),
 }
 
 
@@ -116,7 +122,7 @@ def test_a_modem_without_an_address_is_for_a_person(shipped: Inventory, column: 
     assert step.kind is ItemKind.PERSON
     assert "has no address at this site" in step.do
     (step,) = at(shipped, None, column)
-    assert "is not declared" in step.do
+    assert "is not in the inventory" in step.do
 
 
 def test_unsupported_drivers_do_not_transmit(shipped: Inventory) -> None:
@@ -219,9 +225,13 @@ def test_any_fix_counts_if_no_target_is_declared(shipped: Inventory) -> None:
     assert step.probe is not None
     heard = hear(step.probe, {"10.64.1.22": twin_of(EvologicsSpec(local_address=2, hears=(9, 5), fix_every_s=0.5))})
     assert told(step.probe.judge(heard)) == [
-        ["PASS", "heard", "the USBL of Sparus told 2 fixes of the address 5, 14.1 m away"],
-        ["PASS", "heard", "the USBL of Sparus told 2 fixes of the address 9, 14.1 m away"],
-        ["WARN", "whose-unknown", "nobody has declared whom the USBL of Sparus should hear: anybody's fixes count"],
+        ["PASS", "heard", "the USBL of Sparus reported 2 fixes of the address 5, 14.1 m away"],
+        ["PASS", "heard", "the USBL of Sparus reported 2 fixes of the address 9, 14.1 m away"],
+        [
+            "WARN",
+            "whose-unknown",
+            "the inventory does not say which addresses the USBL of Sparus should receive: fixes of any address count",
+        ],
     ]
 
 
@@ -247,7 +257,7 @@ def test_any_modem_counts_if_no_address_is_declared(
     assert step.probe is not None
     heard = hear(step.probe, {"10.64.1.22": twin_of(spec)})
     assert [one[:2] for one in told(step.probe.judge(heard))] == [["PASS", "listens"], ["WARN", "whose-unknown"]]
-    message = f"nothing tells whether what answers at {address} is the modem of Sparus"
+    message = f"cannot tell whether the device at {address} is the modem of Sparus"
     assert told(step.probe.judge(heard))[1][2] == message
     declared = endpoint.model_copy(update={"acoustic_address": 9})
     step = at(having(shipped, "sparus", acoustic=declared, usbl=None), "sparus", "acoustic")[0]

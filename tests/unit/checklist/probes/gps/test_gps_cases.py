@@ -81,7 +81,13 @@ def test_every_code_of_a_stream_has_its_case() -> None:
         ("gpsd, no receiver", "/etc/default/gpsd"),
         ("gpsd, sign of the longitude lost", "west is negative"),
         ("gpsd, sign of the latitude lost", "south is negative"),
-        ("gpsd, week rolled over", "week number has rolled over"),
+        (
+            "gpsd, week rolled over",
+            (
+                "after a week-number rollover its positions are still right: compare one with "
+                "the map, override this item with that reason, and update the firmware"
+            ),
+        ),
         ("gpsd, clock ahead by a time zone", "time zone"),
         ("gpsd, a replayed log", "recorded log is replayed"),
         ("gpsd, clock behind", "third clock"),
@@ -100,9 +106,9 @@ def test_evidence_is_listed() -> None:
         "position": "41.68642, -8.83883",
         "fix": "3D, 9 satellites, HDOP 0.9",
         "age of the last position": "0.1 s",
-        "time of the receiver": "0.2 s behind the clock of coastal-gateway",
+        "receiver time": "0.2 s behind the clock of coastal-gateway",
         "reports": "5 fixes in a row at the end of 5 reports in 4 s",
-        "geofence": "41.68640, -8.83880, 1000 m around; the position is 3 m from its middle",
+        "geofence": "41.68640, radius -8.83880, 1000 m; the position is 3 m from its centre",
     }
 
 

@@ -79,7 +79,7 @@ def test_satellites_are_counted_if_not_reported() -> None:
 def test_errors_of_gpsd_are_kept_verbatim() -> None:
     error = {"class": "ERROR", "message": "Unrecognized request '?FOO;'"}
     found = judged(heard([(0.05, greeting(DEVICE)), (0.1, said(error))], 15.0))
-    assert [one.value for one in found.evidence if one.what == "complaint of the source"] == [error["message"]]
+    assert [one.value for one in found.evidence if one.what == "error reported by the source"] == [error["message"]]
 
 
 def test_foreign_text_is_shortened_and_stripped_of_control_characters() -> None:

@@ -109,8 +109,8 @@ def test_every_case_is_listed() -> None:
 
 def test_missing_gps_package_is_reported() -> None:
     found = judged(None, Rows(None, rows=None))
-    assert told(found) == ["FAIL driver-not-started: off-router does not know `/system gps`"]
-    assert found.findings[0].hint == "install the package gps of its RouterOS version"
+    assert told(found) == ["FAIL driver-not-started: off-router has no menu `/system gps`"]
+    assert found.findings[0].hint == "install the package gps for its RouterOS version"
 
 
 def test_disabled_receiver_is_reported() -> None:
@@ -119,7 +119,7 @@ def test_disabled_receiver_is_reported() -> None:
 
 
 def test_position_counts_without_settings() -> None:
-    assert [one.code for one in judged(ROW, Rows(Trouble.SILENT, "no answer")).findings] == ["fix"]
+    assert [one.code for one in judged(ROW, Rows(Trouble.SILENT, "no response")).findings] == ["fix"]
 
 
 @pytest.mark.parametrize(
@@ -128,13 +128,13 @@ def test_position_counts_without_settings() -> None:
         (
             Trouble.NO_PLACE,
             (
-                "INCONCLUSIVE place-not-reached: nobody has listened to GPS of off-router: "
-                "off-router was not reached: no route"
+                "INCONCLUSIVE place-not-reached: GPS of off-router was not checked: off-router was not reachable: "
+                "no route"
             ),
         ),
         (
             Trouble.SILENT,
-            "INCONCLUSIVE no-answer: nobody answers at off-router: Offshore is off, or not in the network",
+            "INCONCLUSIVE no-answer: no response at off-router: Offshore is off, or not in the network",
         ),
     ],
 )
@@ -166,7 +166,7 @@ def test_only_the_latest_position_is_available() -> None:
     found = judged(ROW, wanted=replace(WANTED, fence=Geofence(latitude=41.6864, longitude=-8.8388, radius_m=50.0)))
     assert {one.what: one.value for one in found.evidence}[
         "reports"
-    ] == "1: a RouterOS device tells its latest position only"
+    ] == "1: a RouterOS device reports only its latest position"
     assert {one.what: one.value for one in found.evidence}["age of the last position"] == "1.0 s"
 
 
@@ -181,6 +181,4 @@ def test_time_zone_counts_only_if_the_router_reports_it() -> None:
 def test_position_without_a_compared_clock_does_not_pass() -> None:
     unheard = replace(ON, response_time=0.0, rows=(ROW,))
     found = PROBE.judge({"monitor": unheard, "settings": ON, "clock": CLOCK})
-    assert told(found) == [
-        "INCONCLUSIVE clock-unknown: nobody has compared the time of Offshore's receiver with a clock"
-    ]
+    assert told(found) == ["INCONCLUSIVE clock-unknown: the receiver time of Offshore was not compared with a clock"]

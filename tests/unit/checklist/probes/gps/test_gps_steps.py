@@ -102,4 +102,4 @@ def test_undeclared_address_is_reported(declaration: Inventory) -> None:
     assert probe.asks() == ()
     (finding,) = probe.judge({}).findings
     assert (finding.verdict, finding.code) == (Verdict.INCONCLUSIVE, "no-address")
-    assert finding.message == "nobody has declared the address of Sparus's receiver"
+    assert finding.message == "the inventory has no address for the receiver of Sparus"

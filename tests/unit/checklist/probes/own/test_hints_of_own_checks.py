@@ -18,12 +18,12 @@ from atlantis_netcfg.routeros.apply import Status
 
 __all__ = ["laptop"]
 RENEWED = (
-    "`provision vpn renew name={name}` makes another one, and `provision vpn install device={name}` brings it to the "
-    "router"
+    "`provision vpn renew name={name}` creates a new one, and `provision vpn install device={name}` installs "
+    "it on the router"
 )
 ACCEPTED = (
-    "`provision vpn renew name={name}` makes another one, `provision vpn accept file=FILE` takes it on another laptop, "
-    "and `provision site={site} device={name}` brings it"
+    "`provision vpn renew name={name}` creates a new one, `provision vpn accept file=FILE` accepts it on "
+    "another laptop, and `provision site={site} device={name}` installs it"
 )
 
 
@@ -44,7 +44,7 @@ def reached(laptop: Laptop) -> list[str]:
 
     def install(_declaration: object, host: Host, *_: object, **__: object) -> InstalledIdentity:
         names.append(host.name)
-        return InstalledIdentity(host.name, Status.UNCHANGED, ExitCode.DONE, "already so")
+        return InstalledIdentity(host.name, Status.UNCHANGED, ExitCode.DONE, "unchanged")
 
     def adoption(_arguments: object, _declaration: object, host: Host, *_: object) -> None:
         names.append(host.name)
@@ -91,27 +91,33 @@ LINKS = ["coastal-router", "coastal-cpe", "coastal-4g", "coastal-sat", "coastal-
 SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
     "clock": (
         lambda: telling("not-synchronised"),
-        "can {} reach the declared time servers? `provision links site={}` tells whether any bearer is up",
+        (
+            "check that {} can reach the time servers of the inventory; `provision links site={}` shows whether any "
+            "link is up"
+        ),
         7,
         LINKS,
     ),
     "a better link": (
         lambda: telling("better-unknown"),
-        "look at `provision links site={}` when the boxes answer again",
+        "check `provision links site={}` when the boxes answer again",
         7,
         LINKS,
     ),
     "no link": (
         lambda: telling("no-default-route"),
-        "look at `provision links site={}`: is any bearer up? then run the site, which puts its routes back",
+        (
+            "check with `provision links site={}` that a link is up; then apply the site's configuration, which "
+            "restores its routes"
+        ),
         7,
         LINKS,
     ),
-    "lossy": (lambda: telling("server-lossy"), "look at `provision links site={}`", 7, LINKS),
-    "data lost": (BROKEN["a message is lost"], "look at `provision links site={}`", 7, LINKS),
+    "lossy": (lambda: telling("server-lossy"), "check `provision links site={}`", 7, LINKS),
+    "data lost": (BROKEN["a message is lost"], "check `provision links site={}`", 7, LINKS),
     "another computer": (
         BROKEN["another computer has the control centre's address"],
-        "each address of the VPN belongs to one member: `provision vpn status` shows who has it",
+        "each VPN address belongs to one member: `provision vpn status` shows who has it",
         0,
         [],
     ),
@@ -123,26 +129,31 @@ SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
     ),
     "no tunnel": (
         lambda: telling("router-no-tunnel"),
-        "`provision vpn install device={}`, and after it `provision site={}`",
+        "`provision vpn install device={}`, then `provision site={}`",
         0,
         ["coastal-router"],
     ),
     "tunnel down": (
         lambda: telling("router-tunnel-down"),
-        "`provision vpn status` tells whether its identity is known; look at its log for the server's reason",
+        "`provision vpn status` shows whether its identity is known; check its log for the server's reason",
         0,
         [],
     ),
     "another address": (
         lambda: telling("router-tunnel-address"),
-        "`provision vpn sync` lets the server give each member its address",
+        "`provision vpn sync` makes the server assign each member its address",
         0,
         [],
     ),
-    "silent": (lambda: telling("server-silent"), "is the VPN server running? `provision vpn status` asks it", 0, []),
+    "silent": (
+        lambda: telling("server-silent"),
+        "check whether the VPN server is running: `provision vpn status` queries it",
+        0,
+        [],
+    ),
     "no identity": (
         lambda: telling("identity-unreadable"),
-        "`provision site={} device={}` brings it there; only root may read it",
+        "`provision site={} device={}` installs it; only root may read it",
         0,
         [],
     ),

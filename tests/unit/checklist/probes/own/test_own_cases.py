@@ -75,7 +75,7 @@ def test_undeclared_parts_of_a_site_are_skipped_by_name() -> None:
 def test_site_without_a_gateway_is_checked_from_the_control_centre() -> None:
     assert not [step.name for step in of("scc") if step.kind is ItemKind.PERSON]
     found = {step.name: step for step in of("scc")}
-    assert found["dds"].title == "DDS answers on the control centre"
+    assert found["dds"].title == "DDS responds on the control centre"
     assert all(
         "scc-control" in found[name].concerns for name in ("rogue-dhcp", "rogue-router", "vpn", "dds", "certificates")
     )
@@ -91,7 +91,7 @@ def test_checks_without_a_usable_computer_are_for_a_person() -> None:
     found = {step.name: step for step in every if step.kind is ItemKind.PERSON}
     assert set(found) == {"rogue-dhcp", "rogue-router", "vpn", "dds", "data-reaches-scc"}
     assert "no gateway computer and no control centre" in found["rogue-dhcp"].do
-    assert found["rogue-dhcp"].look_for == "Only the router offers an address: 10.64.0.1."
+    assert found["rogue-dhcp"].look_for == "Only the router offers addresses: 10.64.0.1."
     assert found["vpn"].do.startswith("On scc-vpn and scc-control, ")
     assert "scc-control has 10.80.0.2" in found["vpn"].look_for
     assert found["dds"].do.startswith("On a computer at scc, ")
@@ -108,8 +108,8 @@ def test_vpn_and_dds_items_remain_if_undeclared() -> None:
         found = {step.name: step for step in steps(Cell(whole, "scc", None, "site"))}
         assert {found[name].kind for name in ("vpn", "dds")} == {ItemKind.PERSON}
         assert not [name for name in ("vpn", "dds") if found[name].unless]
-    assert "No host of scc is declared in the VPN" in found["vpn"].do
-    assert "The pilot declares no DDS" in found["dds"].do
+    assert "No the inventory says host of scc in the VPN" in found["vpn"].do
+    assert "The inventory has no DDS" in found["dds"].do
 
 
 def test_site_without_a_router_still_has_every_item() -> None:
@@ -118,7 +118,7 @@ def test_site_without_a_router_still_has_every_item() -> None:
     found = steps(Cell(without, SITE, None, "site"))
     assert tuple(step.name for step in found) == NAMES
     assert {step.kind for step in found} == {ItemKind.PERSON}, "the site has a satellite, and boxes that are fed"
-    assert all("the site has no router of ours that could be asked" in step.do for step in found)
+    assert all("the site has no router in the inventory that could be queried." in step.do for step in found)
 
 
 def test_evidence_names_device_and_value_and_no_secret() -> None:

@@ -47,14 +47,14 @@ def test_every_gateway_is_asked_and_has_its_finding() -> None:
 
 def test_silent_gateway_is_inconclusive() -> None:
     assert told(te4sea_gateway=probes.ReflectResult(None, "", TOKENS))[1:] == [
-        "INCONCLUSIVE gateway-silent: te4sea-gateway has answered none of 3 messages: it may be off"
+        "INCONCLUSIVE gateway-silent: te4sea-gateway responded to none of 3 messages: it may be off"
     ]
 
 
 def test_response_of_another_gateway_does_not_count() -> None:
     other = answered("coastal-gateway", "10.80.0.22")
     assert told(te4sea_gateway=other)[1:] == [
-        "FAIL other-computer: coastal-gateway answers at 10.80.0.22, the address of te4sea-gateway"
+        "FAIL other-computer: coastal-gateway responds at 10.80.0.22, the address of te4sea-gateway"
     ]
 
 
@@ -70,4 +70,4 @@ def test_missing_vpn_members_leave_the_step_to_a_person() -> None:
         made = steps(probes.Cell(replace(shipped, hosts=hosts), site, None, "site"))
         (step,) = (one for one in made if one.name == "data-reaches-scc")
         assert step.kind is ItemKind.PERSON
-        assert step.do.startswith("No program can send anything through the VPN")
+        assert step.do.startswith("No program can send data through the VPN from")

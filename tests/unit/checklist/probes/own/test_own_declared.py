@@ -41,15 +41,16 @@ def test_declared_network_file_is_compared_exactly() -> None:
     promised = computer_network(whole, whole.hosts[f"{SITE}-gateway"])
     assert promised is not None
     assert promised.path == NETPLAN
-    router = "PASS router-as-declared: coastal-router has its 5 declared addresses, none of them leased"
-    fine = "PASS gateway-as-declared: coastal-gateway has 10.64.1.10/24, and will have it after a restart"
+    router = "PASS router-as-declared: coastal-router has its 5 addresses of the inventory, none of them leased"
+    fine = "PASS gateway-as-declared: coastal-gateway has 10.64.1.10/24, also after a restart"
     assert of(with_file(promised.content), "static-addresses") == [router, fine]
     differs = (
-        f"FAIL file-differs: {NETPLAN} of coastal-gateway does not say what is declared: a restart changes its address"
+        f"FAIL file-differs: {NETPLAN} of coastal-gateway differs from the inventory: a restart changes its address"
     )
     assert of(with_file(promised.content.replace("10.64.1.10", "10.64.1.11")), "static-addresses") == [router, differs]
     gone = (
-        f"FAIL no-file: coastal-gateway has 10.64.1.10/24, but {NETPLAN} is not there: it will be gone after a restart"
+        f"FAIL no-file: coastal-gateway has 10.64.1.10/24, but {NETPLAN} is missing: the address is lost after a "
+        "restart"
     )
     assert of(with_file(None), "static-addresses") == [router, gone]
 
@@ -68,11 +69,11 @@ def leased() -> tuple[Step, ...]:
 
 
 def test_gateway_address_by_reservation_is_judged() -> None:
-    router = "PASS router-as-declared: coastal-router has its 5 declared addresses, none of them leased"
-    fine = "PASS gateway-as-declared: coastal-gateway has 10.64.1.10/24, and will have it after a restart"
+    router = "PASS router-as-declared: coastal-router has its 5 addresses of the inventory, none of them leased"
+    fine = "PASS gateway-as-declared: coastal-gateway has 10.64.1.10/24, also after a restart"
     world = World(pc=with_address("10.64.1.10/24", 3000, instead=True), steps=leased())
     assert of(world, "static-addresses") == [router, fine]
-    by_hand = "WARN address-by-hand: coastal-gateway has 10.64.1.10/24 by hand, while it is declared to get it by DHCP"
+    by_hand = "WARN address-by-hand: coastal-gateway has 10.64.1.10/24 set manually, but the inventory says DHCP"
     assert of(World(steps=leased()), "static-addresses") == [router, by_hand]
 
 
@@ -82,7 +83,7 @@ def test_worse_link_that_is_not_metered_only_warns() -> None:
     free = tuple(one.model_copy(update={"metered": False, "billing": None}) for one in site.bearers)
     changed = replace(whole, sites={**whole.sites, SITE: site.model_copy(update={"bearers": free})})
     assert of(World(script=LEAVE, steps=own(changed)), "default-route") == [
-        "WARN not-the-best: traffic leaves by 4g, though wifi-ptp is up and better",
+        "WARN not-the-best: traffic leaves by 4g, although wifi-ptp is up and better",
         "PASS gateway-by-the-router: the default route of coastal-gateway leads to the router 10.64.1.1",
     ]
 
@@ -97,7 +98,9 @@ def test_ports_that_feed_no_declared_device_pass() -> None:
         "/interface/ethernet/poe", *({"name": f"ether{n}", "poe-out-status": "waiting-for-load"} for n in (1, 2, 3))
     )
     world.steps = own(replace(whole, hosts=hosts))
-    assert of(world, "poe") == ["PASS no-fault: no port that feeds has a fault; no box is declared to be fed by one"]
+    assert of(world, "poe") == [
+        "PASS no-fault: no port that supplies power has a fault; the inventory has no device powered by one"
+    ]
 
 
 def certificates_of_scc(whole: Inventory) -> list[str]:
@@ -111,7 +114,7 @@ def test_site_with_one_certificate_passes() -> None:
     control = whole.hosts["scc-control"]
     outside = replace(control, device=control.device.model_copy(update={"vpn_address": None}))
     found = certificates_of_scc(replace(whole, hosts={**whole.hosts, control.name: outside}))
-    assert found == ["PASS valid: the one certificate is valid until 2036-11-18"]
+    assert found == ["PASS valid: the only certificate is valid until 2036-11-18"]
 
 
 def test_control_centre_in_the_vpn_needs_its_own_identity() -> None:
@@ -133,10 +136,10 @@ def test_port_forced_on_does_not_prove_that_it_feeds() -> None:
     told = {"poe-out-current": "120mA"}
     fed = own(replace(whole, hosts={**whole.hosts, router.name: changed}))
     for measured, expected in (
-        ({}, "INCONCLUSIVE draw-untold: ether2 of coastal-router, which feeds coastal-4g, is powered whether or not"),
+        ({}, "INCONCLUSIVE draw-untold: ether2 of coastal-router, which powers coastal-4g, is powered whether or not"),
         (
             told,
-            "PASS powered: coastal-cpe (figure not told), coastal-4g (120mA) and coastal-sat (figure not told) draw",
+            "PASS powered: coastal-cpe (value not reported), coastal-4g (120mA) and coastal-sat (figure not told) draw",
         ),
     ):
         world = lines_of("/interface/ethernet/poe", rows[0], {**rows[1], **measured}, rows[2])
@@ -151,4 +154,6 @@ def test_vpn_server_without_an_address_is_not_asked() -> None:
     unknown = replace(server, device=server.device.model_copy(update={"vpn_address": None}))
     steps = own(replace(whole, hosts={**whole.hosts, server.name: unknown}))
     *_, line = of(World(steps=steps), "vpn")
-    assert line == "INCONCLUSIVE server-not-asked: nobody knows at which address coastal-gateway would ask the server"
+    assert line == (
+        "INCONCLUSIVE server-not-asked: the address at which coastal-gateway would ping the server is unknown"
+    )

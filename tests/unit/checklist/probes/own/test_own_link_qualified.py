@@ -68,7 +68,7 @@ def test_foreign_far_end_qualifies_no_link() -> None:
     end = real().run.far_end.model_copy(update={"name": "192.0.2.7", "authenticated": False})
     verdict, codes, message = judged(answer(real(far_end=end)))
     assert (verdict, codes) == (Verdict.INCONCLUSIVE, {"other-far-end": Verdict.INCONCLUSIVE})
-    assert message == "192.0.2.7, which answered the measurement of satellite, is no far end of ours"
+    assert message == "192.0.2.7, which responded to the measurement of satellite, is not an authenticated far end"
 
 
 def test_each_link_has_an_item_if_measurements_are_declared() -> None:
@@ -87,8 +87,8 @@ def test_valid_measurement_passes_with_its_evidence() -> None:
     assert probe is not None
     found = probe.judge({"record": answer(real())})
     assert [(each.verdict, each.code) for each in found.findings] == [(Verdict.PASS, "qualified")]
-    assert found.findings[0].message == "satellite holds all 8 criteria of `satellite`, measured yesterday"
-    assert found.evidence[0].value == "satellite-20261121T100000Z, begun 2026-11-21 10:00 UTC"
+    assert found.findings[0].message == "satellite meets all 8 criteria of `satellite`, measured yesterday"
+    assert found.evidence[0].value == "satellite-20261121T100000Z, started 2026-11-21 10:00 UTC"
     assert any(each.what == "FTD, round trip, 95 %" and "PASS" in (each.value or "") for each in found.evidence)
 
 
@@ -143,7 +143,7 @@ def test_open_criterion_is_inconclusive() -> None:
     open_ = replace(record.judgements[0], verdict=Verdict.INCONCLUSIVE)
     verdict, codes, message = judged(answer(record.model_copy(update={"judgements": (open_, *record.judgements[1:])})))
     assert (verdict, [*codes]) == (Verdict.INCONCLUSIVE, ["not-proved"])
-    assert message == "the measurement of satellite leaves open: FTD, round trip, 95 %"
+    assert message == "the measurement of satellite does not decide: FTD, round trip, 95 %"
 
 
 def test_advised_commands_can_be_typed(
@@ -251,7 +251,7 @@ def test_rehearsal_passes_no_link() -> None:
         assert result.evidence == ()
         if code == "not-measured":
             assert result.verdict is Verdict.SKIP
-            assert result.findings[0].message == "satellite was not measured: a rehearsed checklist measures no link"
+            assert result.findings[0].message == "satellite was not measured: a checklist rehearsal measures no link"
         else:
             assert result.findings[0].hint == f"`provision measure link site=coastal link={link}` measures it", (
                 "none is kept"

@@ -31,11 +31,11 @@ def with_location(
 def test_vehicle_is_checked_where_its_endpoint_is_declared(declaration: Inventory) -> None:
     sparus = steps_of(Cell(declaration, "coastal", "sparus", "wifi"))
     assert told(sparus) == [("", "automatic", ("coastal-gateway",))]
-    assert sparus[0].title == "Access point of Sparus is heard well, and answers without loss"
+    assert sparus[0].title == "Access point of Sparus has a good signal, and responds without loss"
     (zarco,) = steps_of(Cell(declaration, "coastal", "zarco", "wifi"))
-    assert zarco.title == "Zarco is registered at coastal-router, is heard well, and answers without loss"
+    assert zarco.title == "Zarco is registered at coastal-router, has a good signal, and responds without loss"
     (elsewhere,) = steps_of(Cell(declaration, "scc", "zarco", "wifi"))
-    assert elsewhere.title == "Zarco answers over the Wi-Fi of the site without loss"
+    assert elsewhere.title == "Zarco responds over the Wi-Fi of the site without loss"
     assert told(steps_of(Cell(declaration, "coastal", "eca-rov", "ethernet"))) == [
         ("", "automatic", ("coastal-router",))
     ]
@@ -80,7 +80,7 @@ def test_location_also_has_its_own_endpoints(declaration: Inventory) -> None:
     changed = with_location(declaration, ends)
     wifi = steps_of(Cell(changed, "coastal", None, "wifi"))
     assert [step.name for step in wifi] == ["", "own"]
-    assert wifi[1].title == "Coastal testbed is registered at coastal-cpe, is heard well, and answers without loss"
+    assert wifi[1].title == "Coastal testbed is registered at coastal-cpe, has a good signal, and responds without loss"
     (cable,) = steps_of(Cell(changed, "coastal", None, "ethernet"))
     assert cable.probe is not None
     assert [question.name for question in cable.probe.asks()] == ["monitor", "interfaces"]

@@ -65,12 +65,12 @@ def test_evidence_is_listed() -> None:
     transcript = heard([Says().second(1500, 1500, 1000, UNUSED, rssi=190 + second) for second in range(6)])
     found = RcHeard(WANTED, Place.GATEWAY).judge({"stream": transcript})
     assert {one.what: one.value for one in found.evidence} == {
-        "stream at UDP port 14550 of coastal-gateway": "MAVLink 2, 24 frames and 0 damaged pieces in 6 s",
+        "stream at UDP port 14550 of coastal-gateway": "MAVLink 2, 24 frames and 0 corrupted pieces in 6 s",
         "system ids with an autopilot": "1",
-        "its stream comes from": "10.64.1.24",
+        "source of its stream": "10.64.1.24",
         "autopilot": "disarmed, 6 heartbeats",
         "channels": "4, 1500 1500 1000 -",
-        "rssi": "190 to 195 in a scale of its own",
+        "rssi": "190 to 195 on its own scale",
         "receiver": "present, enabled, healthy",
     }
 

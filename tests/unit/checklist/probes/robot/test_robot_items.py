@@ -181,13 +181,13 @@ VAULTED = "!vault |\n  $ANSIBLE_VAULT;1.1;AES256\n  3063\n"
 
 @pytest.mark.parametrize(
     ("token", "code"),
-    [("EXAMPLE-sparus-token\n", "introduced"), ("another", "token"), (None, "token-sealed")],
+    [("EXAMPLE-sparus-token\n", "no robot was discovered"), ("another", "token"), (None, "token-sealed")],
 )
 def test_vaulted_token_is_compared_after_decryption(inventory: Path, token: str | None, code: str) -> None:
     def decrypt(text: str) -> str:
         assert text.startswith("$ANSIBLE_VAULT;")
         if token is None:
-            raise UsageError("there is no password")
+            raise UsageError("no such playbook: password")
         return token
 
     file = inventory / "robots" / "sparus.yml"
@@ -268,7 +268,10 @@ def test_faulty_keys_file_disables_comparison_of_robots(inventory: Path, keys: s
     (inventory / "robots" / "keys.yml").write_text(keys)
     listed = plan(load(inventory), "coastal", Scope(endpoints=("robot",)))
     assert len(listed.entries) == 7
-    assert {entry.item.id.rpartition("/")[2] for entry in listed.entries} == {"discovered", "strangers"}
+    assert {entry.item.id.rpartition("/")[2] for entry in listed.entries} == {
+        "discovered",
+        "so robots outside the inventory cannot be seen",
+    }
 
 
 def test_vehicle_without_a_file_is_noted(inventory: Path) -> None:
@@ -276,7 +279,7 @@ def test_vehicle_without_a_file_is_noted(inventory: Path) -> None:
     (inventory / "robots" / "zarco.yml").unlink()
     listed = plan(load(inventory), "coastal")
     assert not [entry for entry in listed.entries if entry.item.id.startswith(("sparus/robot", "zarco/robot"))]
-    note = "not looked at, for there is no file of theirs below robots/: what Sparus, Zarco publish"
+    note = "not checked, because they have no file in robots/: what Sparus, Zarco publish"
     assert note in listed.notes
     shutil.rmtree(inventory / "robots")
     without = plan(load(inventory), "coastal")
@@ -295,7 +298,7 @@ def test_missing_control_centre_leaves_the_step_to_a_person(declaration: Invento
     cell = Cell(replace(declaration, hosts=hosts), "coastal", "sparus", "robot", robots=files)
     (step,) = (step for step in robot.steps(cell) if step.name == "control-centre")
     assert (step.kind, step.probe) == (ItemKind.PERSON, None)
-    assert step.do.startswith("No control centre is declared")
+    assert step.do.startswith("No the inventory says control centre")
 
 
 def test_real_site_reports_why_it_could_not_be_asked(declaration: Inventory) -> None:
@@ -312,7 +315,7 @@ def test_real_site_reports_why_it_could_not_be_asked(declaration: Inventory) -> 
     assert sorted(came) == sorted(answers) == ["here", "there", "vpn"]
     assert {answer.trouble for answer in answers.values()} == {Trouble.NO_PLACE}
     for key in ("here", "vpn"):
-        assert "the inventory still holds example values" in answers[key].words
+        assert "the inventory still contains example values" in answers[key].words
     assert answers["there"].words
 
 

@@ -44,7 +44,7 @@ class ActionModule(ZipappAction):
         host = str(variables["inventory_hostname"])
         bundle = self._open_bundle()
         if host not in bundle.manifest.hosts:
-            raise AnsibleActionFail(f"the bundle was made for {', '.join(bundle.manifest.hosts)}, and not for {host}")
+            raise AnsibleActionFail(f"the bundle was made for {', '.join(bundle.manifest.hosts)}, not for {host}")
         values = self._query_status(bundle, None, variables)
         if not values.get("failed") and not values["known"]:
             values = self._query_status(bundle, host, variables)
@@ -85,9 +85,9 @@ class ActionModule(ZipappAction):
         if link_name and not of_variables(variables).get("accept_cost", self._task.args.get("accept_cost", False)):
             command = (variables.get("atlantis_request") or {}).get("command", PLAIN_ANSIBLE)
             raise AnsibleActionFail(
-                f"{_size(size)} of the bundle would go over {link_name}, which is paid by the byte,"
-                " and nobody has agreed to pay: nothing was sent\n"
-                f"type the same with {accepting(command)}, or go over another link: `via=lan`"
+                f"{_size(size)} of the bundle would go over metered link {link_name}, and nobody has consented to "
+                f"the cost: nothing was sent\nrun the same command with {accepting(command)}, or use another link: "
+                "`via=lan`"
             )
 
     def _send(
@@ -109,19 +109,19 @@ class ActionModule(ZipappAction):
                 self._connection.put_file(str(archive), values["upload"])
         except AnsibleError as error:
             raise AnsibleActionFail(
-                f"the link to {host} broke while {_size(size)} of the bundle were carried: {error}\n"
-                "type the same again: what has arrived is kept, and only the rest is sent"
+                f"the link to {host} was lost while {_size(size)} of the bundle were copied: {error}\nrun the same "
+                "command again: it keeps what has arrived and sends only the rest"
             ) from error
         except OSError as error:
             raise AnsibleActionFail(
-                f"what is to be carried cannot be put together in {temporary.large_temp_dir()}: "
-                f"{error.strerror or error}\n"
-                f"make room for {_size(size)} there, on this computer"
+                f"the files to copy cannot be put together in {temporary.large_temp_dir()}: "
+                f"{error.strerror or error}\nfree {_size(size)} there, on this computer"
             ) from error
         answer = self._query_status(bundle, host, variables)
         if not answer.get("failed") and not answer["ready"]:
             raise AnsibleActionFail(
-                f"{len(answer['missing'])} files of the bundle did not arrive whole on {host}\ntype the same again"
+                f"{len(answer['missing'])} files of the bundle did not arrive completely on {host}\nrun the same "
+                "command again"
             )
         return size, answer
 
@@ -131,7 +131,7 @@ def _size(size: int) -> str:
 
 
 def _result(bundle: Bundle, values: dict[str, Any], carried_bytes: int, *, is_sent: bool) -> dict[str, Any]:
-    words = "carried" if is_sent else "to carry"
+    words = "carried" if is_sent else "to copy"
     changes = [f"bundle {bundle.manifest.id}: {_size(carried_bytes)} {words}"] if carried_bytes else []
     changes += values["changes"]
     return {

@@ -54,7 +54,7 @@ class ActionModule(zipapp_action.ZipappAction):
                 requests.append(self.request(name, parameters, variables))
                 secrets.append(secret)
         except (AnsibleError, NetcfgError, OSError) as error:
-            self._display.vvv(printable.lines(f"prefetch ends: {error}"))
+            self._display.vvv(printable.lines(f"prefetch stopped: {error}"))
         answers = self.call("batch", requests, variables).get("answers", []) if requests else []
         clean_answers = [
             printable.clean(zipapp_action.mask_secrets(zipapp_action.without_ansible(answer), secret))

@@ -85,10 +85,10 @@ def refuse_if_full(apt: Apt, costs: AptCosts) -> None:
         free = result.f_bavail * result.f_frsize
         if free < size:
             raise ModuleError(
-                f"the disk of the computer is too full: {format_size(size)} are needed at {place}, "
-                f"{format_size(free)} are free",
-                "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; "
-                "`df -h` tells where it is full",
+                f"the computer's disk is too full: {format_size(size)} are needed at {place}, {format_size(free)} "
+                "are free",
+                "free some space, for example with `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` "
+                "shows what is full",
             )
 
 
@@ -162,7 +162,7 @@ class AptConvergence:
         half_installed = half_done(self.apt, before)
         missing = self._missing(before)
         files = [*self.sources.changed_paths, *self.sources.conflicting_paths]
-        self.outcome.changes += [f"package {package.name} was half installed, mended" for package in half_installed]
+        self.outcome.changes += [f"package {package.name} was half installed, repaired" for package in half_installed]
         self.outcome.changes += [f"file {path}" for path in files]
         if check:
             self._forecast(missing, ready=not files and not half_installed)
@@ -204,8 +204,9 @@ class AptConvergence:
                 continue
             if is_now is not None and is_now.is_installed and is_now.is_held:
                 raise ModuleError(
-                    f"somebody holds {name} at {is_now.version}; declared is {version}",
-                    f"let it go on the computer: `apt-mark unhold {name}`; or declare the version that it has",
+                    f"package {name} is on hold at {is_now.version}; the inventory has {version}",
+                    f"release it on the computer: `apt-mark unhold {name}`; or set the version that it has in the "
+                    "inventory",
                 )
             missing[name] = version
         return missing
@@ -250,16 +251,16 @@ class AptConvergence:
         size = max_lists_download(self.apt) if self.apt.bundle is None else 0
         if limit is not None and (size is None or size > limit):
             self.sources.take_back()
-            text = "an unknown size, mostly 10 to 40 MB" if size is None else f"up to {format_size(size)}"
-            raise self._over_limit_error(f"the lists of packages have to be fetched first: {text}")
+            text = "an unknown size, usually 10 to 40 MB" if size is None else f"up to {format_size(size)}"
+            raise self._over_limit_error(f"the package lists must be fetched first: {text}")
 
     def _over_limit_error(self, what: str) -> ModuleError:
         why = f" ({self.desired_packages.limit_words})" if self.desired_packages.limit_words else ""
         return ModuleError(
-            f"{what}; {format_size(self.desired_packages.limit_bytes or 0)} are agreed{why}. "
-            "Nothing was downloaded for it",
-            "type the same with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true); or bring the packages:"
-            " `provision gateway bundle site=…`, then `--offline`",
+            f"{what}; the accepted limit is {format_size(self.desired_packages.limit_bytes or 0)}{why}. Nothing was "
+            "downloaded for it",
+            "run the same command with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true), or bring the "
+            "packages: `provision gateway bundle site=…`, then `--offline`",
         )
 
     def _update(self) -> None:
@@ -305,15 +306,15 @@ class AptConvergence:
         without = [name for name in missing if name not in versions]
         if without:
             raise ModuleError(
-                f"no configured apt source has {', '.join(without)}",
-                "look at the names, and at the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
+                f"no configured apt source provides {', '.join(without)}",
+                "check the names and the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
             )
         for name, version in missing.items():
             if not any(version_matches(item, version) for item in versions[name]):
                 raise ModuleError(
                     f"{name}: version {version} is not available; available: "
                     f"{', '.join(dict.fromkeys(versions[name]))}",
-                    "declare one of these, or take the version out of the declaration; a bundle keeps old ones",
+                    "set one of these in the inventory, or remove the version from it; a bundle keeps old versions",
                 )
 
     def _available_versions(self, missing: Mapping[str, str | None]) -> dict[str, list[str]]:
@@ -360,7 +361,7 @@ class AptConvergence:
             still = [*self._missing(after), *(package.name for package in half_done(self.apt, after))]
             if still:
                 raise ModuleError(
-                    f"apt says that all went well, but {', '.join(dict.fromkeys(still))} is not as declared",
+                    f"apt reported success, but {', '.join(dict.fromkeys(still))} is not as in the inventory",
                     "`dpkg --audit` and `apt-cache policy` on the computer show what is wrong",
                 )
         for name, package in after.items():

@@ -50,7 +50,7 @@ def bundle_of(tree: FileSystem, folder: str) -> str:
     for name in ("InRelease", _KEY):
         if tree.read(f"{folder}/{name}") is None:
             raise ModuleError(
-                f"{folder} is no offline bundle, or only half of one: {name} is missing",
+                f"{folder} is not an offline bundle, or is incomplete: {name} is missing",
                 "copy the bundle to the computer again",
             )
     return f"deb [signed-by={folder}/{_KEY}] file:{quote(folder)} ./\n"
@@ -67,14 +67,14 @@ def refuse_another_system(
     desired_system = (distribution or is_now[0], codename or is_now[1])
     if is_now != desired_system:
         raise ModuleError(
-            f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(desired_system)}",
-            "make a card with the right system (`provision gateway image --help`), or declare the release that fits "
-            "this one",
+            f"the computer runs {' '.join(is_now)}; the inventory is for {' '.join(desired_system)}",
+            "write a card with the right system (`provision gateway image --help`), or set the release of this one "
+            "in the inventory",
         )
     if architectures and apt.architecture not in architectures:
         raise ModuleError(
-            f"the computer is {apt.architecture}; what is declared exists for {', '.join(architectures)}",
-            "declare another release or source",
+            f"the computer is {apt.architecture}; what the inventory asks for exists for {', '.join(architectures)}",
+            "set another release or source in the inventory",
         )
 
 
@@ -136,7 +136,7 @@ class Apt:
             )
             code = process.returncode
         except FileNotFoundError:
-            raise ModuleError(f"`{argv[0]}` is not on this computer", "it has to be a Debian or an Ubuntu") from None
+            raise ModuleError(f"`{argv[0]}` is not installed on this computer", "it must be Debian or Ubuntu") from None
         finally:
             os.lseek(handle, 0, os.SEEK_SET)
             with os.fdopen(handle, "rb") as file:
@@ -220,7 +220,7 @@ def list_installed(apt: Apt) -> dict[str, InstalledPackage]:
     if output.code:
         raise ModuleError(
             f"dpkg cannot read its database: {output.output.strip()}",
-            "`cp /var/lib/dpkg/status-old /var/lib/dpkg/status` brings the state before the last change back",
+            "`cp /var/lib/dpkg/status-old /var/lib/dpkg/status` restores the state before the last change",
         )
     result: dict[str, InstalledPackage] = {}
     for line in output.output.splitlines():
@@ -262,9 +262,9 @@ def wait_for_others(tree: FileSystem, wait_s: float, sleep: Callable[[float], No
             return
         if time.monotonic() >= until:
             raise ModuleError(
-                f"another program is installing packages for more than {wait_s:.0f} s: {holder}",
-                "let it come to its end (`ps -ef | grep -e apt -e dpkg` shows it), and type the same again; on a new "
-                "board it is mostly the system's own first update",
+                f"another program has been installing packages for more than {wait_s:.0f} s: {holder}",
+                "wait until it ends (`ps -ef | grep -e apt -e dpkg` shows it), then run the same command again; on "
+                "a new board it is usually the system's own first update",
             )
         sleep(_POLL_S)
 

@@ -33,7 +33,9 @@ def key_of(parameter: Mapping[str, str]) -> AptKey:
     try:
         content = base64.b64decode(parameter["content_base64"], validate=True)
     except binascii.Error:
-        raise ModuleError(f"the key for {parameter['path']} did not arrive whole", "type the same again") from None
+        raise ModuleError(
+            f"the key for {parameter['path']} did not arrive completely", "run the same command again"
+        ) from None
     return AptKey(parameter["path"], content, re.sub(r"\s", "", parameter["fingerprint"]).upper())
 
 
@@ -43,12 +45,13 @@ def check_key(key: AptKey, now: float) -> str | None:
         keys = public_keys(key.content)
     except NotAKey as why:
         raise ModuleError(
-            f"the file for {key.path} is no public key: {why}", "fetch it anew; compare its size"
+            f"the file for {key.path} is not a public key: {why}", "download it again and compare its size"
         ) from None
     if [public_key.fingerprint for public_key in keys] != [key.fingerprint]:
         raise ModuleError(
-            f"the key for {key.path} is {', '.join(item.fingerprint for item in keys)}, declared is {key.fingerprint}",
-            "ask who keeps the archive which is the right one; do not take one that nobody vouches for",
+            f"the key for {key.path} is {', '.join(item.fingerprint for item in keys)}, the inventory has "
+            f"{key.fingerprint}",
+            "ask the archive's maintainer which key is right; do not use a key that nobody vouches for",
         )
     return _check_key_validity(keys[0], now)
 
@@ -57,17 +60,17 @@ def _check_key_validity(key: PublicKey, now: float) -> str | None:
     today = _day(now)
     if now < key.renewed_at:
         raise ModuleError(
-            f"the clock of the computer says {today}; the key {key.fingerprint} was made on {_day(key.renewed_at)}",
-            "set the clock: `date --set '2026-01-31 12:00'` until a time server is reached",
+            f"the computer's clock says {today}; the key {key.fingerprint} was created on {_day(key.renewed_at)}",
+            "set the clock: `date --set '2026-01-31 12:00'` until a time server can be reached",
         )
     if key.expires is None or now < key.expires - _WARN_DAYS * _DAY_S:
         return None
     if now >= key.expires:
         raise ModuleError(
             f"the key {key.fingerprint} expired on {_day(key.expires)}; the computer's clock says {today}",
-            "put the renewed key into the declaration (`key_file`); if the clock is wrong, set it",
+            "put the renewed key into the inventory (`key_file`); if the clock is wrong, set it",
         )
-    return f"the key {key.fingerprint} expires on {_day(key.expires)}: put the renewed one into the declaration"
+    return f"the key {key.fingerprint} expires on {_day(key.expires)}: put the renewed one into the inventory"
 
 
 def _day(seconds: float) -> str:

@@ -37,7 +37,7 @@ def store_token(folder: str, name: str, url: str, token: str) -> None:
     server = urlsplit(url).netloc
     if not re.fullmatch(r"[A-Za-z0-9.-]+(:[0-9]+)?", server) or not token.isprintable():
         raise ModuleError(
-            f"no token can be used for {url}", "its address is like https://gitlab.example.org/group/project"
+            f"no token can be used for {url}", "use an address like https://gitlab.example.org/group/project"
         )
     user, colon, password = token.partition(":")
     if not colon:
@@ -136,7 +136,7 @@ class Git:
         except _GitError as failed:
             if trouble(failed.output) is not BuildTrouble.CORRUPTION:
                 raise self._build_refusal(failed) from None
-        self.say("what was fetched before is damaged: fetching everything anew")
+        self.say("the earlier download is damaged: downloading everything again")
         shutil.rmtree(self.folder)
         try:
             return self._fetch(None)
@@ -197,8 +197,8 @@ class Git:
         revision = self.repository.revision
         if self._online("ls-remote", "--heads", "origin", f"refs/heads/{revision}").strip():
             raise ModuleError(
-                f"`{revision}` is a branch of {self.repository.url}, which means something else every day",
-                "declare a tag, or the commit: `git ls-remote URL` shows both",
+                f"`{revision}` is a branch of {self.repository.url}, whose content changes",
+                "use a tag or a commit in the inventory: `git ls-remote URL` lists both",
             )
 
     def _submodules(self) -> None:
@@ -211,7 +211,7 @@ class Git:
             except _GitError as failed:
                 if trouble(failed.output) not in (BuildTrouble.REVISION, BuildTrouble.OTHER):
                     raise self._of_submodule(failed) from None
-                self.say("a submodule was not given without its history: fetching it with it")
+                self.say("a submodule is not available without its history: downloading it with its history")
                 try:
                     self._online(*update)
                 except _GitError as again:
@@ -221,7 +221,7 @@ class Git:
         if absent:
             raise ModuleError(
                 f"the submodule {absent[0]} of {self.repository.url}, revision {self.repository.revision}, is missing",
-                "the partner has to complete .gitmodules in the repository",
+                "the partner must complete .gitmodules in the repository",
             )
 
     def _of_submodule(self, error: _GitError) -> Exception:
@@ -246,7 +246,7 @@ class Git:
             except _GitError as failed:  # noqa: PERF203 - attempts are few
                 if trouble(failed.output) is not BuildTrouble.LINK:
                     raise
-                self.say(f"the link broke; next attempt in {pause:.0f} s")
+                self.say(f"connection lost; next attempt in {pause:.0f} s")
                 self.sleep(pause)
         return self._git(*words)
 
@@ -286,9 +286,9 @@ class Git:
         repository = self.repository
         if self.offline is not None and trouble(error.output) in (BuildTrouble.NOT_FOUND, BuildTrouble.REVISION):
             return ModuleError(
-                f"{self.offline} does not hold {repository.url}, revision {repository.revision}:\n"
-                f"{error_lines(error.output)}",
-                "make the bundle anew where there is internet, after the last change of the declaration",
+                f"{self.offline} does not contain {repository.url}, revision "
+                f"{repository.revision}:\n{error_lines(error.output)}",
+                "build the bundle again where there is internet, after the last change of the inventory",
             )
         return about_git(
             error.output, repository.url, repository.revision, has_token=askpass(self.home, self.name) is not None

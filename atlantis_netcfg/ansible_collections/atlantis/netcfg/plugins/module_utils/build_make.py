@@ -65,7 +65,7 @@ class BuildTools:
             os.path.isdir(os.path.join(install, name)) for name in os.listdir(install)
         ):
             raise ModuleError(
-                "colcon found no package in the library", "compare its address and revision with the partner"
+                "colcon found no package in the library", "check its address and revision with the partner"
             )
 
     def examples(self) -> None:
@@ -89,11 +89,11 @@ class BuildTools:
                 program = os.path.relpath(line[:-1], self.folder)
             elif "not found" in line:
                 raise ModuleError(
-                    f"what was built does not run: {program} does not find {line.split()[0].rstrip(':')}",
-                    "the partner who made it can read this; the build in use stays as it was",
+                    f"the build does not run: {program} does not find {line.split()[0].rstrip(':')}",
+                    "send this to the partner who made it; the build in use is unchanged",
                 )
         shutil.rmtree(os.path.join(self.folder, "tmp"), ignore_errors=True)
-        self.say(f"{len(programs)} programs and libraries find what they need")
+        self.say(f"{len(programs)} programs and libraries find their dependencies")
 
     def _run(self, what: str, where: str, command: str, *, with_library: bool = False) -> None:
         """Run a command and append its output to the log. Raises ModuleError if it fails."""
@@ -215,7 +215,9 @@ def _build(
     configure(home, job["offline"], [repository.url for repository in plan.repositories.values()])
     commits, current = {}, shelf.link_target("current")
     for name, item in plan.repositories.items():
-        _print_step(f"fetching the {name}, revision {item.revision}, from {item.url}" + _offline_note(job["offline"]))
+        _print_step(
+            f"downloading the {name}, revision {item.revision}, from {item.url}" + _offline_note(job["offline"])
+        )
         seed = os.path.join(shelf.at(current), name) if current is not None else None
         commits[name] = Git(item, name, os.path.join(folder, name), home, job["offline"], _print_step, sleep).fetch(
             seed
@@ -240,8 +242,8 @@ def _find_moved_tags(plan: BuildPlan, shelf: BuildStore, commits: dict[str, str]
         before = tags.get(repository.url, {}).get(repository.revision, commits[name])
         if not is_commit(repository.revision) and before != commits[name]:
             notes.append(
-                f"the tag {repository.revision} of the {name} has moved: it led to commit {before} when it was last"
-                f" built, and leads to {commits[name]} now; ask the partner whether that is meant"
+                f"the tag {repository.revision} of the {name} has moved: it pointed to commit {before} at the last "
+                f"build, and now points to {commits[name]}; ask the partner whether that is intended"
             )
     for note in notes:
         _print_step(note)
@@ -256,7 +258,7 @@ def _forget(home: str, plan: BuildPlan) -> None:
 
 
 def _offline_note(offline: str | None) -> str:
-    return f", as {offline} holds it" if offline is not None else ""
+    return f", from {offline}" if offline is not None else ""
 
 
 def _print_step(line: str) -> None:
@@ -264,7 +266,9 @@ def _print_step(line: str) -> None:
 
 
 def _handle_stop_signal(*_: object) -> None:
-    raise ModuleError("the build was stopped before it was complete", "type the same again: what was fetched is kept")
+    raise ModuleError(
+        "the build was stopped before it was complete", "run the same command again: what was downloaded is kept"
+    )
 
 
 if __name__ == "__main__":

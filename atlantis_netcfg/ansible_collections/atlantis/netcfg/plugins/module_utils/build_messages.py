@@ -88,72 +88,76 @@ def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleE
     if kind is BuildTrouble.CERTIFICATE:
         return ModuleError(
             f"the certificate of {host} is not accepted:\n{last}",
-            "look at the gateway's clock first: `date`. If it is right, and the server's certificate is of an authority"
-            " of its own, put that authority's file to /usr/local/share/ca-certificates/NAME.crt on the gateway and run"
-            " `update-ca-certificates` there",
+            "check the gateway's clock first: `date`. If it is right, and the server's certificate is from a "
+            "private authority, copy that authority's file to /usr/local/share/ca-certificates/NAME.crt on the "
+            "gateway and run `update-ca-certificates` there",
         )
     if kind is BuildTrouble.TOKEN and not has_token:
         return ModuleError(
-            f"{host} asks who reads {url}, and no token is declared for it",
-            "ask the partner for a token that may read the repository, and declare it as `token:` (ansible-vault)",
+            f"{host} requires a token for {url}, and the inventory has none",
+            "ask the partner for a token that may read the repository, and set it as `token:` (ansible-vault)",
         )
     if kind is BuildTrouble.TOKEN:
         return ModuleError(
-            f"{host} does not accept the declared token for {url}",
-            "it may have expired, or lack the right `read_repository`: ask the partner for a new one; a deploy token of"
-            " GitLab goes with a name, and is declared as NAME:TOKEN",
+            f"{host} does not accept the inventory's token for {url}",
+            "it may have expired or lack the scope `read_repository`: ask the partner for a new one; a GitLab "
+            "deploy token has a name and is written as NAME:TOKEN",
         )
     if kind is BuildTrouble.NOT_FOUND:
-        visibility = "the token may not see it" if has_token else "it is only seen with a token, and none is declared"
+        visibility = (
+            "the token may lack access to it"
+            if has_token
+            else "it is visible only with a token, and the inventory has none"
+        )
         return ModuleError(
-            f"there is no repository at {url}, or {visibility}", "open the address in a browser, and compare"
+            f"there is no repository at {url}, or {visibility}", "open the address in a browser and compare"
         )
     if kind is BuildTrouble.REVISION:
         return ModuleError(
-            f"there is no revision {revision} in {url}",
-            "`git ls-remote --tags URL` lists its tags; a commit is given by all of its 40 hex digits",
+            f"revision {revision} does not exist in {url}",
+            "`git ls-remote --tags URL` lists its tags; a commit needs all of its 40 hex digits",
         )
     if kind is BuildTrouble.SUBMODULE:
         return ModuleError(
-            f"a submodule of {at} cannot be fetched: the repository does not say where it is:\n{last}",
-            "the partner has to complete .gitmodules in the repository",
+            f"a submodule of {at} cannot be downloaded: the repository does not contain its address:\n{last}",
+            "the partner must complete .gitmodules in the repository",
         )
     if kind is BuildTrouble.ACCOUNT:
         return ModuleError(
-            f"a submodule of {at} is not at an https address, and would need an account of the gateway's own:\n{last}",
-            "the partner has to give it an https address in .gitmodules",
+            f"a submodule of {at} has no https address and would need an account for the gateway:\n{last}",
+            "the partner must give it an https address in .gitmodules",
         )
     if kind is BuildTrouble.SPACE:
-        return _card_full_error(f"while {at} was fetched")
+        return _card_full_error(f"while {at} was being downloaded")
     if kind is BuildTrouble.LINK:
         return ModuleError(
-            f"{host} could not be reached, or the link broke, while {at} was fetched:\n{last}",
-            "look at the links of the site, then type the same again: what has come already is kept",
+            f"{host} could not be reached, or the connection was lost, while {at} was being downloaded:\n{last}",
+            "check the site's links, then run the same command again: what was downloaded is kept",
         )
-    return ModuleError(f"git could not fetch {at}:\n{last}", "")
+    return ModuleError(f"git could not download {at}:\n{last}", "")
 
 
 def about_building(what: str, text: str) -> ModuleError:
     """Return the error for a failure of colcon, cmake, make or a compiler."""
     last = error_lines(text)
     if re.search(r"No space left on device|Disk quota exceeded", text):
-        return _card_full_error(f"while {what} was built")
+        return _card_full_error(f"while {what} was being built")
     if re.search(r"Killed signal|virtual memory exhausted|Cannot allocate memory|out of memory|\bKilled\b", text):
         return ModuleError(
-            f"the memory of the gateway did not suffice to build {what}:\n{last}",
-            "stop what else runs there, or add swap, and type the same again",
+            f"the gateway does not have enough memory to build {what}:\n{last}",
+            "stop other programs there, or add swap, then run the same command again",
         )
     if missing := re.search(r"package configuration file provided by\s+\"([^\"]+)\"", text):
         return ModuleError(
-            f"to build {what}, cmake wants `{missing.group(1)}`, which is not installed on the gateway",
-            "find its package (`apt-file search NAMEConfig.cmake`), and add it to `interop.packages`",
+            f"to build {what}, cmake needs `{missing.group(1)}`, which is not installed on the gateway",
+            "find its package (`apt-file search NAMEConfig.cmake`) and add it to `interop.packages`",
         )
     if missing := re.search(r"fatal error: (\S+): No such file or directory", text):
         return ModuleError(
-            f"to build {what}, the header {missing.group(1)} is wanted, which is not there:\n{last}",
-            "find its package (`apt-file search HEADER`), and add it to `interop.packages`",
+            f"to build {what}, the header {missing.group(1)} is needed, which is missing:\n{last}",
+            "find its package (`apt-file search HEADER`) and add it to `interop.packages`",
         )
-    return ModuleError(f"{what} could not be built:\n{last}", "the partner who made it can read this")
+    return ModuleError(f"{what} could not be built:\n{last}", "send this to the partner who made it")
 
 
 def error_lines(text: str) -> str:
@@ -169,7 +173,7 @@ def _unique_lines(lines: Iterable[str]) -> list[str]:
 
 def _card_full_error(when: str) -> ModuleError:
     return CardFull(
-        f"the card of the gateway became full {when}",
-        "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h; df -i` tells where it is"
-        " full. The unfinished build has been removed",
+        f"the gateway's card became full {when}",
+        "free some space, for example with `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h; df -i` shows "
+        "what is full. The unfinished build has been removed",
     )

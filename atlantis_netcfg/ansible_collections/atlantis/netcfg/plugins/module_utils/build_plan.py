@@ -194,7 +194,7 @@ class BuildStore:
         path = os.path.join(self.prefix, name)
         if os.path.isdir(path) and not os.path.islink(path):
             raise ModuleError(
-                f"{path} is a folder, and has to be a link to a build", f"move it away: mv {path} {path}.old"
+                f"{path} is a folder, but must be a symbolic link to a build", f"move it away: mv {path} {path}.old"
             )
         _TREE.link(path, os.path.join("builds", key))
         _TREE.sync(path)

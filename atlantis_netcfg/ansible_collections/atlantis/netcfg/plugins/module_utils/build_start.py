@@ -106,7 +106,7 @@ class Build:
     def _start_or_follow_build(self, run_id: str | None) -> dict[str, Any]:
         compiler_version = compiler(self.run)
         if compiler_version is None and self.check:
-            self.changes.append("build of the library, once its packages are installed")
+            self.changes.append("build of the library, after its packages are installed")
             return {"state": "wanted"}
         plan = BuildPlan(self.library, self.examples, self.ros_setup, compiler_version or "")
         shelf = BuildStore(self.places.prefix)
@@ -118,8 +118,9 @@ class Build:
         if self._is_running(plan.key):
             if run_id is not None:
                 raise ModuleError(
-                    f"the build of {plan.words} is still at work on the gateway",
-                    f"type the same again later: it goes on by itself; {values['log']} shows how far it is",
+                    f"the build of {plan.words} is still running on the gateway",
+                    f"run the same command again later: the build continues by itself; {values['log']} shows its "
+                    "progress",
                 )
             return {**values, "state": "running", "run": self._running_run_id(plan.key)}
         if run_id is not None:
@@ -132,7 +133,7 @@ class Build:
 
     def _activate_build(self, plan: BuildPlan, shelf: BuildStore, marker: Mapping[str, Any]) -> None:
         if shelf.link_target("current") != plan.key:
-            self.changes.append(f"build {plan.key} of {plan.words} taken into use")
+            self.changes.append(f"build {plan.key} of {plan.words} activated")
             self.notes.extend(marker["notes"])
             if self.check:
                 return
@@ -148,7 +149,7 @@ class Build:
             if key != plan.key:
                 if self._is_running(key):
                     self.run(["systemctl", "stop", _unit(key)])
-                    self.notes.append(f"the build {key}, which is declared no longer, was stopped")
+                    self.notes.append(f"build {key}, which is no longer in the inventory, was stopped")
                 shelf.discard(key)
                 self._remove_log(key)
         home, name = self.places.job(plan.key), uuid.uuid4().hex
@@ -211,22 +212,22 @@ class Build:
                 outcome["message"], f"{hint}{'; ' if hint else ''}all that was said: {log} on the gateway"
             )
         return ModuleError(
-            f"the build of {plan.words} was cut off: the gateway lost its power, or the build was ended there",
-            f"type the same again: it goes on with what it has fetched; all that was said: {log} on the gateway",
+            f"the build of {plan.words} was interrupted: the gateway lost power, or the build was ended there",
+            f"run the same command again: it continues with what was downloaded; complete output: {log} on the gateway",
         )
 
     def _prerequisites(self, compiler_version: str | None) -> None:
         if not os.path.isfile(self.ros_setup):
             raise ModuleError(
-                f"ROS 2 is not installed on the gateway: there is no {self.ros_setup}",
-                "declare `ros2:` beside `interop:`, with the release that is meant",
+                f"ROS 2 is not installed on the gateway: {self.ros_setup} does not exist",
+                "set `ros2:` next to `interop:` in the inventory, with the release to use",
             )
         programs = ["git", "colcon", "make", *(["cmake"] if self.examples is not None else [])]
         missing = [name for name in programs if not is_there(name)] + ([] if compiler_version else ["c++"])
         if missing:
             raise ModuleError(
-                f"the gateway lacks {', '.join(missing)} to build with",
-                "the packages of `interop.packages` bring them: build-essential, cmake, git; colcon comes with ROS 2",
+                f"the gateway lacks {', '.join(missing)}, which the build needs",
+                "the packages in `interop.packages` provide them: build-essential, cmake, git; colcon comes with ROS 2",
             )
 
     def _is_running(self, key: str) -> bool:

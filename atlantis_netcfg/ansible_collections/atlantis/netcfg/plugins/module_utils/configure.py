@@ -68,8 +68,8 @@ class Systemd:
         result = self.run(["systemctl", "show", "--property", properties, "--", name])
         if result.code != 0:
             raise ModuleError(
-                f"systemd does not answer:\n{last_lines(result.output)}",
-                "`systemctl is-system-running` tells why; a container without systemd cannot be a gateway",
+                f"systemd does not respond:\n{last_lines(result.output)}",
+                "`systemctl is-system-running` shows why; a container without systemd cannot be a gateway",
             )
         values = dict(line.split("=", 1) for line in result.output.splitlines() if "=" in line)
         return ConfigureState(
@@ -83,7 +83,7 @@ class Systemd:
 
     def reload_manager(self) -> None:
         """Make systemd reload the unit files."""
-        require_success(self.run(["systemctl", "daemon-reload"]), "systemd could not read its unit files again")
+        require_success(self.run(["systemctl", "daemon-reload"]), "systemd could not reload its unit files")
 
     def enable(self, name: str, *, should_start: bool) -> None:
         """Enable or disable the start of a unit at boot."""
@@ -109,12 +109,12 @@ class Systemd:
             return
         if state.active == "inactive" and not state.condition:
             raise ModuleError(
-                f"unit {name} did not start: a condition of its unit file does not hold on this computer",
+                f"unit {name} did not start: a condition of its unit file is not met on this computer",
                 f"`systemctl status {name}` names the condition",
             )
         if state.active == "inactive" and not has_waited:
             return
-        raise self._failure(f"unit {name} does not stay up: it is {state.active} ({state.sub})", name)
+        raise self._failure(f"unit {name} does not keep running: it is {state.active} ({state.sub})", name)
 
     def _failure(self, what: str, name: str) -> ModuleError:
         text = last_lines(self.run(["journalctl", "--unit", name, "--lines", "8", "--output", "cat", "--quiet"]).output)
@@ -125,7 +125,7 @@ class Systemd:
 
 
 _UNIT_FOLDERS = ("/etc/systemd/system/", "/usr/lib/systemd/system/", "/lib/systemd/system/")
-_MANAGER = "systemd has read its unit files"
+_MANAGER = "systemd has reloaded its unit files"
 _NOTE = "note: "
 
 
@@ -222,7 +222,7 @@ class Configure:
         if not self.check:
             self.stamps.begin(step.name, digests)
             result = self.run(list(step.run))
-            require_success(result, f"step `{step.name}` failed", "it is tried again by the next run")
+            require_success(result, f"step `{step.name}` failed", "the next run tries it again")
             self.notes += [line[len(_NOTE) :] for line in result.output.splitlines() if line.startswith(_NOTE)]
             self.stamps.note(step.name, digests)
         self.changes.append(f"step {step.name}")
@@ -260,13 +260,13 @@ class Configure:
             return None
         if state.load == "masked":
             raise ModuleError(
-                f"unit {unit.name} is masked: somebody has forbidden that it starts",
-                f"if it shall start: `systemctl unmask {unit.name}`",
+                f"unit {unit.name} is masked: somebody has disabled it",
+                f"to allow it to start: `systemctl unmask {unit.name}`",
             )
         if self.check:
             return state
         raise ModuleError(
-            f"there is no unit {unit.name} on this computer", "the package that brings it is not installed"
+            f"unit {unit.name} does not exist on this computer", "the package that provides it is not installed"
         )
 
     def _order(self, unit: Unit, state: ConfigureState, digests: dict[str, str]) -> bool:

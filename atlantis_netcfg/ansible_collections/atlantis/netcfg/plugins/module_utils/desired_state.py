@@ -178,13 +178,13 @@ def _file(row: Mapping[str, Any], secrets: Mapping[str, str]) -> File:
             content = secret = content.replace(word, value)
     if content is None:
         raise ModuleError(
-            f"file {row['path']} has no content", "give `content`, or `secret_content`, or list it in `absent`"
+            f"file {row['path']} has no content", "set `content` or `secret_content`, or list it in `absent`"
         )
     file = _row(File if secret is None else SecretFile, {**row, "content": content})
     if file.finding and not file.validate:
-        raise ModuleError(f"file {file.path}: nothing can be found of it without a validator", "give `validate`")
+        raise ModuleError(f"file {file.path}: a finding needs a validator", "set `validate`")
     if file.validate and not any("%s" in word for word in file.validate):
-        raise ModuleError(f"file {file.path}: its validator has no %s", "put %s where the name of the file belongs")
+        raise ModuleError(f"file {file.path}: its validator has no %s", "put %s in the place of the file name")
     return file
 
 
@@ -196,7 +196,8 @@ def mode_of(entry: Directory | File) -> int:
         mode = -1
     if not 0 <= mode <= 0o7777:  # noqa: PLR2004 - chmod(2)
         raise ModuleError(
-            f"{entry.path}: `{entry.mode}` is no mode", 'a mode is four octal digits in quotes, like "0644"'
+            f"{entry.path}: `{entry.mode}` is not a valid mode",
+            'a mode is four octal digits in quotes, for example "0644"',
         )
     return mode
 
@@ -206,7 +207,7 @@ def _check_paths(wishes: DesiredState) -> None:
     paths = [item.path for kind in kinds for item in kind] + list(wishes.absent)
     for path in (*paths, *wishes.only):
         if not path.startswith("/") or posixpath.normpath(path) != path or path == "/":
-            raise ModuleError(f"`{path}` is no path from the root", "write it in full, like /etc/hosts")
+            raise ModuleError(f"`{path}` is not an absolute path", "write the full path, for example /etc/hosts")
     _check_no_duplicates("path", paths)
 
 
@@ -214,5 +215,5 @@ def _check_no_duplicates(what: str, names: Iterable[str]) -> None:
     seen_names: set[str] = set()
     for name in names:
         if name in seen_names:
-            raise ModuleError(f"{what} {name} is declared twice", "declare it once")
+            raise ModuleError(f"{what} {name} is defined twice", "define it once")
         seen_names.add(name)

@@ -24,21 +24,21 @@ def as_module_error(error: OSError, path: str) -> ModuleError:
     if error.errno in _SPACE:
         return ModuleError(
             f"the file system of {path} is full{_describe_free_space(path)}",
-            "`df -h; df -i` tells where; `apt-get clean` and `journalctl --vacuum-size=50M` make room",
+            "`df -h; df -i` shows where; `apt-get clean` and `journalctl --vacuum-size=50M` free space",
         )
     if error.errno == errno.EROFS:
         return ModuleError(
-            f"the file system of {path} can only be read",
-            "`dmesg | tail -n 30` tells whether the card is failing; a reboot may bring it back for a while",
+            f"the file system of {path} is read-only",
+            "`dmesg | tail -n 30` shows whether the card is failing; a reboot may help for a while",
         )
     if error.errno in (errno.EACCES, errno.EPERM):
         return ModuleError(
-            f"{path} may not be changed: {error.strerror}",
-            "the toolkit needs root: let the account use sudo; `lsattr` tells whether somebody froze the file",
+            f"cannot change {path}: {error.strerror}",
+            "the toolkit needs root: allow the account to use sudo; `lsattr` shows whether the file is immutable",
         )
     if error.errno == errno.EIO:
         return ModuleError(
-            f"{path}: the card answers with read or write errors", "replace the card; `dmesg` has the details"
+            f"{path}: the card reports read or write errors", "replace the card; `dmesg` shows the details"
         )
     return ModuleError(f"{path}: {error.strerror or error}", "")
 

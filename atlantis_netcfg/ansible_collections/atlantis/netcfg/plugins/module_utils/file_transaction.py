@@ -154,10 +154,10 @@ class FileTransaction:
 
     def _ask(self, file: File, beside: str) -> None:
         """Validate a file; if it is rejected, leave it out where that is allowed, otherwise raise `ModuleError`."""
-        program, end = file.validate[0], "which stays as it was" if file.finding else "so that nothing was changed"
+        program, end = file.validate[0], "which is unchanged" if file.finding else "so nothing was changed"
         if not is_there(program):
-            why = f"`{program}`, which has to accept {file.path}, is not installed, {end}"
-            self._skip_file(file, why, "install the package that holds it")
+            why = f"`{program}`, which must accept {file.path}, is not installed, {end}"
+            self._skip_file(file, why, "install the package that provides it")
             return
         result = self.run([word.replace("%s", beside) for word in file.validate])
         if result.code != 0:
@@ -175,13 +175,11 @@ class FileTransaction:
         if result is None or result.kind in kinds:
             return result
         if "directory" in kinds and result.kind == "link" and Path(self.tree.at(path)).is_dir():
-            raise ModuleError(
-                f"{path} is a link to a directory, and has to be one itself", f"look at it: `ls -l {path}`"
-            )
+            raise ModuleError(f"{path} is a link to a directory, but must be a directory", f"check it: `ls -l {path}`")
         what = {"directory": "a directory", "file": "a file", "link": "a link"}.get(result.kind, "a device or a socket")
         raise ModuleError(
-            f"{path} is {what}, and has to be {_describe_kind(kinds)}. Nothing was changed",
-            f"look at it, and move it away: `ls -ld {path}`",
+            f"{path} is {what}, but must be {_describe_kind(kinds)}. Nothing was changed",
+            f"check it and move it away: `ls -ld {path}`",
         )
 
     def _has_other_content(self, file: File) -> bool:

@@ -66,8 +66,8 @@ class FileSystem:
             return None
         except NotADirectoryError:
             raise ModuleError(
-                f"{path} cannot be made: something above it is a file, and has to be a directory",
-                f"look at `namei -l {path}`",
+                f"{path} cannot be created: one of its parents is a file, but must be a directory",
+                f"check `namei -l {path}`",
             ) from None
         except OSError as error:
             raise as_module_error(error, path) from error
@@ -88,7 +88,7 @@ class FileSystem:
             return int(owner) if owner.isdigit() else pwd.getpwnam(owner).pw_uid
         except KeyError:
             raise ModuleError(
-                f"there is no account `{owner}` on this computer", f"make it: `adduser {owner}`"
+                f"account `{owner}` does not exist on this computer", f"create it: `adduser {owner}`"
             ) from None
 
     def gid(self, group: str) -> int:
@@ -96,7 +96,9 @@ class FileSystem:
         try:
             return int(group) if group.isdigit() else grp.getgrnam(group).gr_gid
         except KeyError:
-            raise ModuleError(f"there is no group `{group}` on this computer", f"make it: `addgroup {group}`") from None
+            raise ModuleError(
+                f"group `{group}` does not exist on this computer", f"create it: `addgroup {group}`"
+            ) from None
 
     def missing_above(self, path: str) -> list[str]:
         """Return the missing parent directories of `path`, highest first. Raises ModuleError if a file blocks one."""
@@ -104,7 +106,7 @@ class FileSystem:
         above = os.path.dirname(path)
         while above != "/" and not os.path.isdir(self.at(above)):
             if os.path.lexists(self.at(above)):
-                raise ModuleError(f"{above} is in the way: it has to be a directory", f"look at it: `ls -l {above}`")
+                raise ModuleError(f"{above} is in the way: it must be a directory", f"check it: `ls -l {above}`")
             missing.insert(0, above)
             above = os.path.dirname(above)
         return missing

@@ -172,10 +172,10 @@ class NetworkChange:
         while self._is_pending(name) and time.monotonic() < end:
             time.sleep(_PAUSE_S)
         if self._is_pending(name):
-            return {"state": "pending", "why": "it waits for its confirmation"}
+            return {"state": "pending", "why": "it waits for confirmation"}
         values = self.computer.load(OUTCOME) or {}
         if values.get("id") != name:
-            return {"state": "unknown", "why": "this computer knows nothing of the change"}
+            return {"state": "unknown", "why": "the change is unknown on this computer"}
         return {"state": "confirmed" if values["confirmed"] else "rolled back", "why": values["why"]}
 
     def _compare(self) -> list[dict[str, Any]]:
@@ -209,7 +209,7 @@ class NetworkChange:
         interfaces = self._interfaces()
         with computer.hold_lock():
             if computer.load(PENDING) is not None:
-                raise ModuleError("another run is changing the network of this computer", "let it come to its end")
+                raise ModuleError("another run is changing this computer's network", "wait until it ends")
             active = self._is_networkd_state("is-active", "active")
             previous = {
                 "files": [state_of(computer, entry["path"]) for entry in entries],
@@ -243,7 +243,7 @@ class NetworkChange:
         window_s = APPLY_AFTER_S + self.desired.rollback_s
         self._systemd_run((f"--unit={BACK}", f"--on-active={window_s:.0f}s", "--timer-property=AccuracySec=100ms"))
         if self.computer.run(("systemctl", "is-active", BACK_TIMER)).output != "active":
-            raise ModuleError("the timer that would take the change back does not run; nothing was changed")
+            raise ModuleError("the rollback timer does not run; nothing was changed")
         self.computer.run(("systemctl", "reset-failed", APPLY_UNIT))
         try:
             here = (f"--unit={APPLY_UNIT}", f"--working-directory={FOLDER}")
@@ -256,8 +256,8 @@ class NetworkChange:
         result = self.computer.run(("systemd-run", *words))
         if result.code:
             raise ModuleError(
-                f"systemd does not start what would guard the change; nothing was changed: {result.output}",
-                "`systemctl status` there tells how it is",
+                f"systemd does not start the rollback units; nothing was changed: {result.output}",
+                "`systemctl status` there shows the state",
             )
 
     def _rows(self) -> list[str]:
@@ -288,8 +288,8 @@ class NetworkChange:
             self._start_rollback()
         if self.look(pending["id"], self.desired.rollback_s + _MARGIN_S)["state"] == "pending":
             raise ModuleError(
-                "an earlier change of the network still waits for its confirmation",
-                f"`systemctl status {BACK}` there tells why it was not taken back",
+                "an earlier network change still waits for confirmation",
+                f"`systemctl status {BACK}` there shows why it was not rolled back",
             )
 
     def _missing(self, name: str) -> str:

@@ -69,7 +69,7 @@ def generate_netplan(computer: NetworkComputer, texts: dict[str, str]) -> tuple[
         for path in sorted(glob.glob(f"{root}/run/systemd/network/*.network")):
             with open(path, encoding="utf-8") as file:
                 network_texts.append(file.read())
-        message = result.output.replace(f"{root}/", "/") or f"netplan ended with {result.code}"
+        message = result.output.replace(f"{root}/", "/") or f"netplan exited with {result.code}"
         return (message if result.code else ""), network_texts
 
 
@@ -231,17 +231,17 @@ class DesiredNetwork:
             interface, gateway = ipaddress.IPv4Interface(self.address), ipaddress.IPv4Address(self.gateway)
         except ValueError as error:
             raise ModuleError(
-                f"the address of {self.interface} is not valid: {error}", "an address is like 10.64.1.10/24"
+                f"the address of {self.interface} is not valid: {error}", "an address looks like 10.64.1.10/24"
             ) from None
         if "/" not in self.address:
             raise ModuleError(
-                f"the address {self.address} has no prefix length", f"an address is like {self.address}/24"
+                f"the address {self.address} has no prefix length", f"an address looks like {self.address}/24"
             )
         if gateway not in interface.network or gateway == interface.ip:
             raise ModuleError(
                 f"{self.gateway} cannot be the gateway of {self.address}: it is not another address of"
                 f" {interface.network}",
-                "look at `lan` of the site",
+                "check `lan` of the site",
             )
 
     @property
@@ -261,11 +261,11 @@ class DesiredNetwork:
     def list_deviations(self, computer: NetworkComputer) -> list[str]:
         """Return what is not in effect; empty if the interface is in the desired state."""
         current = addresses(computer).get(self.interface, [])
-        missing = [] if self.address in current else [f"{self.interface} has not the address {self.address}"]
+        missing = [] if self.address in current else [f"{self.interface} does not have the address {self.address}"]
         reply = computer.run(("ip", "-json", "-4", "route", "show", "default"))
         routes = json.loads(reply.output or "[]") if reply.code == 0 else []
         if not any(route.get("gateway") == self.gateway and route.get("dev") == self.interface for route in routes):
-            missing.append(f"there is no default route by {self.gateway} on {self.interface}")
+            missing.append(f"there is no default route via {self.gateway} on {self.interface}")
         return missing
 
     def wait_until_reachable(self, computer: NetworkComputer, patience_s: float) -> list[str]:
@@ -283,7 +283,7 @@ class DesiredNetwork:
         neighbours = json.loads(text or "[]")
         if any("lladdr" in item and set(item.get("state", ())) & set(_ANSWERS) for item in neighbours):
             return []
-        return [f"nobody answers at the gateway's address {self.gateway} on {self.interface}"]
+        return [f"the gateway address {self.gateway} does not respond on {self.interface}"]
 
     def _trigger_arp(self) -> None:
         """Send a packet so that the kernel resolves the gateway's hardware address into the neighbour table."""
@@ -299,28 +299,29 @@ class DesiredNetwork:
         program, package = _PROGRAMS[self.by]
         if not os.path.exists(computer.at(program)):
             raise ModuleError(
-                f"the network shall be configured by {self.by}, which this computer does not have",
-                f"`apt-get install {package}` there, or declare another `network: {{by: …}}`",
+                f"the inventory configures the network with {self.by}, which is not installed on this computer",
+                f"`apt-get install {package}` there, or set another `network: {{by: …}}`",
             )
         there = sorted(os.listdir(computer.at("/sys/class/net")))
         if self.interface not in there:
             others = ", ".join(name for name in there if name != "lo") or "none"
             raise ModuleError(
-                f"there is no interface {self.interface}; there is: {others}", "correct `network: {interface: …}`"
+                f"interface {self.interface} does not exist; existing interfaces: {others}",
+                "correct `network: {interface: …}`",
             )
         complaint = {"netplan": self._by_netplan, "ifupdown": self._check_with_ifupdown, "networkd": self._by_networkd}[
             self.by
         ]
         if text := complaint(computer):
-            raise ModuleError(f"{self.by} does not take the new configuration: {text}", "nothing was changed")
+            raise ModuleError(f"{self.by} rejects the new configuration: {text}", "nothing was changed")
 
     def require_no_conflicts(self, computer: NetworkComputer) -> None:
         """Raise `ModuleError` if another file also configures the interface, even if ours exists already."""
         others = find_conflicting_files(computer, self.interface, self.path, frozenset(self.replaces))
         if others:
             path_list = ", ".join(others)
-            hint = f"let them go with the change by `replaces: [{path_list}]` in `network` of the host"
-            what = f"{self.interface} is configured by other files, too, and the two would fight: {path_list}"
+            hint = f"to remove them with this change, set `replaces: [{path_list}]` in `network` of the host"
+            what = f"other files configure {self.interface}, too, and would conflict: {path_list}"
             raise ModuleError(what, hint)
         if self.path == INTERFACES and INTERFACES not in self.replaces:
             self._require_no_other_stanzas(computer)
@@ -333,9 +334,9 @@ class DesiredNetwork:
         if there:
             lost_entries = dict.fromkeys(f"{name} ({path})" for path, name in there)
             raise ModuleError(
-                f"{INTERFACES} is somebody else's; these interfaces would lose their entries: "
-                f"{', '.join(lost_entries)}",
-                f"if they may: `replaces: [{INTERFACES}]` in `network` of the host; else declare `by: networkd`",
+                f"{INTERFACES} is not ours; these interfaces would lose their entries: {', '.join(lost_entries)}",
+                f"if that is intended: `replaces: [{INTERFACES}]` in `network` of the host; otherwise set `by: "
+                "networkd`",
             )
 
     def _by_netplan(self, computer: NetworkComputer) -> str:
@@ -345,7 +346,7 @@ class DesiredNetwork:
         text, network_texts = generate_netplan(computer, {**texts, os.path.basename(self.path): self.content})
         if text or any(matches_interface(computer, item, self.interface) for item in network_texts):
             return text
-        return f"it makes nothing for {self.interface}; does another file of /etc/netplan name a `renderer`?"
+        return f"it configures nothing for {self.interface}; does another file in /etc/netplan set a `renderer`?"
 
     def _check_with_ifupdown(self, computer: NetworkComputer) -> str:
         with tempfile.NamedTemporaryFile("w", prefix="atlantis-interfaces-", encoding="utf-8") as file:

@@ -167,7 +167,7 @@ def boot(computer: NetworkComputer) -> None:
         put(computer, previous)
         if any(item["path"].startswith("/etc/netplan/") for item in previous["files"]):
             computer.run(("netplan", "generate"))  # its own generator has run before us, with the files of the change
-        _close_change(computer, pending, "the computer was started anew before a new session had confirmed it")
+        _close_change(computer, pending, "the computer was restarted before a new session had confirmed it")
 
 
 def _close_change(computer: NetworkComputer, pending: Manifest, why: str) -> None:

@@ -73,9 +73,9 @@ def public_keys(content: bytes) -> list[PublicKey]:
             elif tag == _SIGNATURE and keys:
                 keys[-1] = _with_signature(keys[-1], body)
     except IndexError:
-        raise NotAKey("it ends too early") from None
+        raise NotAKey("it is truncated") from None
     if not keys:
-        raise NotAKey("no public key is in it")
+        raise NotAKey("it contains no public key")
     return keys
 
 
@@ -92,7 +92,7 @@ def _packets(data: bytes) -> Iterator[tuple[int, bytes]]:
             length = int.from_bytes(data[at + 1 : at + 1 + size], "big")
         at += 1 + size
         if at + length > len(data):
-            raise NotAKey("it ends too early")
+            raise NotAKey("it is truncated")
         yield tag, data[at : at + length]
         at += length
 
@@ -106,7 +106,7 @@ def _new_length(data: bytes, at: int) -> tuple[int, int]:
         return ((first - 192) << 8) + data[at + 1] + 192, 2
     if first == 255:  # noqa: PLR2004
         return int.from_bytes(data[at + 1 : at + 5], "big"), 5
-    raise NotAKey("it is written in pieces, which no key is")
+    raise NotAKey("it is written in partial packets, which keys never are")
 
 
 def _key(body: bytes) -> PublicKey:

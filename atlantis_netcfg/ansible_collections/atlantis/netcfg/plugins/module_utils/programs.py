@@ -38,7 +38,9 @@ def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> ProgramResult:
     except FileNotFoundError:
         return ProgramResult(127, f"{argv[0]}: not found")
     except subprocess.TimeoutExpired as late:
-        return ProgramResult(124, (late.stdout or b"").decode(errors="replace") + f"\nno end after {timeout_s:.0f} s")
+        return ProgramResult(
+            124, (late.stdout or b"").decode(errors="replace") + f"\ntimed out after {timeout_s:.0f} s"
+        )
     except OSError as error:
         return ProgramResult(126, f"{argv[0]}: {error.strerror}")
     return ProgramResult(process.returncode, process.stdout.decode(errors="replace"))
@@ -59,4 +61,4 @@ def require_success(result: ProgramResult, what: str, hint: str = "") -> None:
     """Raise ModuleError with the last output lines unless the program succeeded."""
     if result.code != 0:
         text = last_lines(result.output)
-        raise ModuleError(f"{what} (exit {result.code})" + (f":\n{text}" if text else " without a word"), hint)
+        raise ModuleError(f"{what} (exit {result.code})" + (f":\n{text}" if text else " without output"), hint)

@@ -63,21 +63,22 @@ def require_access(way_in: SshRequirements, tree: FileSystem, environment: Mappi
     result = client(environment)
     if result is not None and way_in.admit and not _is_admitted(result.address, way_in.admit):
         raise ModuleError(
-            f"you work from {result.address}, which could not log in afterwards: SSH would be admitted from "
+            f"you work from {result.address}, which could not log in afterwards: SSH would be allowed from "
             f"{', '.join(way_in.admit)} only. Nothing was changed",
             way_in.hint,
         )
     if result is not None and way_in.port is not None and result.port != way_in.port:
         raise ModuleError(
-            f"your session came in on port {result.port}, and SSH would be admitted on port {way_in.port} only. "
-            "Nothing was changed",
+            f"your session uses port {result.port}, but SSH would be allowed on port {way_in.port} only. Nothing was "
+            "changed",
             way_in.hint,
         )
     if way_in.key and not _has_key(tree, _account(environment)):
         account = _account(environment)
         raise ModuleError(
-            f"account {account} has no key to log in with, and passwords would no longer do. Nothing was changed",
-            f"bring your key there first: `ssh-copy-id {account}@` and the name of this computer",
+            f"account {account} has no key to log in with, and passwords would no longer be accepted. Nothing was "
+            "changed",
+            f"copy your key there first: `ssh-copy-id {account}@` and the name of this computer",
         )
 
 
@@ -123,11 +124,12 @@ def hold_lock(tree: FileSystem, environment: Mapping[str, str] = os.environ) -> 
         except BlockingIOError:
             holder = os.pread(handle, 200, 0).decode(errors="replace").strip()
             raise ModuleError(
-                f"another run is at work on this computer: {holder or 'it has not text its name yet'}",
-                "let it come to its end, and type the same again; a run whose link broke goes on for a while",
+                f"another run is active on this computer: {holder or 'it has not written its name yet'}",
+                "wait until it ends, then run the same command again; a run that lost its connection continues for "
+                "a while",
             ) from None
         result = client(environment)
-        text = f"process {os.getpid()}" + (f", begun from {result.address}" if result is not None else "")
+        text = f"process {os.getpid()}" + (f", started from {result.address}" if result is not None else "")
         os.ftruncate(handle, 0)
         os.pwrite(handle, text.encode(), 0)
         yield

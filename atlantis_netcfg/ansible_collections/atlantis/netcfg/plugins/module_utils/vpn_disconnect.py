@@ -82,7 +82,7 @@ class SessionTermination:
             self.management = DOWN
         except (ManagementBusy, ConnectionEnd, IncompleteStatus) as silent:
             self.management = BUSY
-            self.messages.append(f"who has a session could not be asked: {silent}")
+            self.messages.append(f"the server's sessions could not be listed: {silent}")
         finally:
             while waits:
                 waits.pop()()
@@ -114,7 +114,7 @@ class SessionTermination:
                     replies[session["cid"]].append(management.kill(session["real"]))
             self.ended += [{**session, "replies": replies[session["cid"]]} for session in self.left]
             self.left = self._find(management)
-            step("session dead")
+            step("session ended")
 
     def _silent(self, management: ManagementSocket) -> list[Session]:
         """Wait until the sessions receive no more data, and return the silent ones."""
@@ -160,7 +160,7 @@ class ClientBlock:
         result = self._server.run(["nft", self.text]) if self._peers else None
         self.holds = result is None or result.code == 0
         return (
-            "" if self.holds or result is None else f"their packets are not kept away: nft: {last_lines(result.output)}"
+            "" if self.holds or result is None else f"their packets are not blocked: nft: {last_lines(result.output)}"
         )
 
     def end(self) -> None:
@@ -208,7 +208,7 @@ class ConntrackFlush:
                 )
                 self._started.append(process)
         except OSError as error:
-            self.messages.append(f"open connections were not forgotten: conntrack: {error.strerror}")
+            self.messages.append(f"open connections were not deleted: conntrack: {error.strerror}")
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -218,9 +218,9 @@ class ConntrackFlush:
             except subprocess.TimeoutExpired:
                 popen.kill()
                 popen.communicate()
-                text = f"no end after {_CONNTRACK_S} s"
+                text = f"timed out after {_CONNTRACK_S} s"
             if popen.returncode != 0 and " 0 flow entries" not in text:  # there were none
-                self.messages.append(f"open connections were not forgotten: {text}")
+                self.messages.append(f"open connections were not deleted: {text}")
 
 
 class _StepLog:
@@ -266,7 +266,7 @@ def revoke(
         closing = threading.Thread(target=act.try_step, args=(_close, server, ruleset, addresses, unheard))
         closing.start()
         if current and act.try_step(_put_list, server, crl_file):
-            act.step("list in place")
+            act.step("list installed")
         for name in common_names:
             act.try_step(server.tree.remove, server.place.admission(name))
         act.step("no longer admitted")
@@ -278,7 +278,7 @@ def revoke(
         ending.run(server, unheard, wait_for_closing, act.step)
         with ConntrackFlush(addresses) as forgetting:
             act.try_step(_keep, server, ruleset)
-            act.step("safe on the disk")
+            act.step("written to disk")
             digests = {path: _digest(file["content"].encode()) for path, file in file_by_path.items()}
             verification = verify(server, common_names, addresses, digests, (ending.management, ending.left))
     act.step("verified")
@@ -355,7 +355,7 @@ def verify(
     problems = [f"{name} is admitted" for name in server.list_admitted_names() if name in common_names]
     for path, digest in files.items():
         if _digest(server.tree.read(path) or b"") != digest:
-            problems.append(f"{path} is not what it has to be")
+            problems.append(f"{path} does not have the expected content")
     problems += _firewall_problems(server, addresses) if addresses else []
     there = [
         f"{their['common_name']} has a session from {their['real']}"
@@ -365,8 +365,12 @@ def verify(
     data = []
     dead = management == ANSWERS or (management == DOWN and server.is_down())
     if not dead:
-        silent = "does not answer" if management == BUSY else "has no management socket, and is not known to be down"
-        data.append(f"no session is confirmed dead: the server {silent}")
+        silent = (
+            "does not respond"
+            if management == BUSY
+            else "has no management socket, and it is unknown whether it is down"
+        )
+        data.append(f"no session is confirmed as ended: the server {silent}")
     return {
         "out": not problems,
         "dead": dead and not there,

@@ -36,11 +36,13 @@ def rows(lines: Iterable[str], kind: str = _KIND) -> Iterator[dict[str, str]]:
             names = fields[1:]
         elif first == kind:
             if names is None or len(fields) != len(names):
-                raise IncompleteStatus(f"a row of {kind} is not as its header: {line[:200]!r}")
+                raise IncompleteStatus(f"a row of {kind} does not match its header: {line[:200]!r}")
             yield dict(zip(names, fields))
         has_end = has_end or first == END
     if names is None or not has_end:
-        raise IncompleteStatus("the status has no end" if names is not None else f"the status has no header of {kind}")
+        raise IncompleteStatus(
+            "the status is incomplete" if names is not None else f"the status has no header of {kind}"
+        )
 
 
 def sessions(lines: Iterable[str]) -> list[Session]:
@@ -48,7 +50,7 @@ def sessions(lines: Iterable[str]) -> list[Session]:
     try:
         return [_session(row) for row in rows(lines)]
     except (KeyError, ValueError) as error:
-        raise IncompleteStatus(f"a row of {_KIND} is not as it should be: {error}") from error
+        raise IncompleteStatus(f"a row of {_KIND} is invalid: {error}") from error
 
 
 def parse_status_time(lines: Iterable[str]) -> int:
@@ -109,7 +111,7 @@ class ManagementSocket:
         while True:
             line = self._word(end)
             if line.startswith("ERROR:"):
-                raise ConnectionEnd(f"the server does not tell its status: {line}")
+                raise ConnectionEnd(f"the server does not report its status: {line}")
             lines.append(line)
             if line == END:
                 return sessions(lines)
@@ -128,7 +130,7 @@ class ManagementSocket:
         it only for a client whose packets are blocked: see `vpn_disconnect`.
         """
         if not _REAL.fullmatch(real):
-            raise ValueError(f"no address and port of a client: {real!r}")
+            raise ValueError(f"not the address and port of a client: {real!r}")
         return self._run_command(f"kill {real}")
 
     def _run_command(self, command: str) -> str:
@@ -156,7 +158,7 @@ class ManagementSocket:
         while b"\n" not in self._buffer:
             ready, _, _ = select.select([self._socket], [], [], max(0.0, end - time.monotonic()))
             if not ready:
-                raise ManagementBusy(f"the management socket is silent for {self._patience_s:g} s")
+                raise ManagementBusy(f"the management socket has not responded for {self._patience_s:g} s")
             try:
                 got = self._socket.recv(_CHUNK)
             except OSError as error:
@@ -178,9 +180,9 @@ def open_socket(path: str, patience_s: float) -> Iterator[ManagementSocket]:
         try:
             connection.connect(_short(path))
         except (FileNotFoundError, ConnectionRefusedError) as error:
-            raise ServerDown(f"nobody listens on {path}") from error
+            raise ServerDown(f"no server listens on {path}") from error
         except OSError as error:  # a full backlog among them: clients that wait before this one
-            raise ManagementBusy(f"{path} takes no connection: {error.strerror or error}") from error
+            raise ManagementBusy(f"{path} refuses the connection: {error.strerror or error}") from error
         yield ManagementSocket(connection, patience_s)
 
 

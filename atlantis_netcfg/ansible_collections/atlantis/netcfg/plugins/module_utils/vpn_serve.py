@@ -173,7 +173,7 @@ def _redirects(server: ManagedServer) -> list[str]:
     """Switch ICMP redirects off; ignore errors, because `look` reports redirects that are still on."""
     with contextlib.suppress(OSError):
         if server.stop_redirects():
-            return ["ICMP redirects switched off"]
+            return ["ICMP redirects disabled"]
     return []
 
 
@@ -207,9 +207,9 @@ def unpack_line(line: bytes) -> dict[str, Any]:
     try:
         result = json.loads(zlib.decompress(base64.b64decode(line, validate=True)).decode())
     except zlib.error as error:
-        raise ValueError(f"a line is torn: {error}") from error
+        raise ValueError(f"a line is incomplete: {error}") from error
     if not isinstance(result, dict):
-        raise ValueError("a line is no request")  # noqa: TRY004 - as any other that is torn
+        raise ValueError("a line is not a request")  # noqa: TRY004 - as any other that is torn
     return result
 
 

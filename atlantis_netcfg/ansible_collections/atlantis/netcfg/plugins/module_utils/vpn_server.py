@@ -36,7 +36,7 @@ from .vpn_management import (
 )
 
 _SERIAL = re.compile(r"^ +Serial Number: ([0-9A-F]+)$", re.MULTILINE)
-_HINT = "`provision vpn status` tells what is wrong with the authority's own list"
+_HINT = "`provision vpn status` shows what is wrong with the authority's own list"
 
 
 @dataclass(frozen=True)
@@ -78,23 +78,23 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
         raise ModuleError("the new list of revoked certificates cannot be read", _HINT)
     if not new.is_signed:
         raise ModuleError(
-            "the new list of revoked certificates is of another authority than this server: OpenVPN would let every "
-            "revoked member in",
-            "the server was set up by another authority: `provision site=…` brings this one's",
+            "the new list of revoked certificates is from another authority than this server's: OpenVPN would let "
+            "every revoked member in",
+            "the server was set up by another authority: `provision site=…` installs this one",
         )
     if old is not None and old.is_signed and new != old:
         _require_newer_crl(new, old)
     if new.begins > now:
         raise ModuleError(
             f"by the server's clock ({_format_time(now)}) the new list of revoked certificates is not valid yet: "
-            "nobody could connect any more",
-            "set the clocks right: `date` on both computers, `timedatectl` on the server",
+            "nobody could connect",
+            "set the clocks: `date` on both computers, `timedatectl` on the server",
         )
     if new.ends <= now:
         raise ModuleError(
             f"by the server's clock ({_format_time(now)}) the new list of revoked certificates has expired: nobody "
-            "could connect any more",
-            "`date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
+            "could connect",
+            "check `date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
         )
     return new
 
@@ -103,15 +103,15 @@ def _require_newer_crl(new: Crl, old: Crl) -> None:
     lost_count = len(old.serials - new.serials)
     if new.number > old.number and not lost_count:
         return
-    why = f"has number {new.number}, and the server has number {old.number}"
+    why = f"has number {new.number}, but the server has number {old.number}"
     if new.number == old.number:
-        why = f"has number {new.number}, as the server's, and is another one"
+        why = f"has number {new.number} like the server's, but differs from it"
     elif new.number > old.number:
         why = f"lacks {lost_count} of the certificates that are revoked on the server"
     raise ModuleError(
-        f"the new list of revoked certificates {why}: with it a revoked member would come back",
-        f"this is not the newest copy of the authority: find the one with which list {old.number} was made; "
-        "`provision vpn status` tells what the server knows beyond this one, and what to do if that copy is lost",
+        f"the new list of revoked certificates {why}: a revoked member could connect again",
+        f"this is not the newest copy of the authority: find the one that made list {old.number}; `provision vpn "
+        "status` shows what the server knows beyond this copy, and what to do if the newest copy is lost",
     )
 
 
@@ -148,9 +148,9 @@ class Firewall:
         result = self.run(["nft", f'include "{source}"\n{also}'] if also else ["nft", "-f", source])
         if result.code != 0:
             raise ModuleError(
-                f"the firewall of the VPN could not be loaded, and is what it was (exit {result.code}):\n"
-                f"{last_lines(result.output)}",
-                "on the server: `nft -c -f` and the file's name tells more",
+                "the firewall of the VPN could not be loaded and is unchanged (exit "
+                f"{result.code}):\n{last_lines(result.output)}",
+                "on the server, `nft -c -f` with the file's name shows more",
             )
 
     def note(self, content: bytes) -> None:
@@ -198,11 +198,11 @@ def _objects(result: ProgramResult) -> list[dict[str, Any]] | None:
     if result.code != 0:
         if "No such file or directory" in result.output:
             return None
-        raise ModuleError(f"nft does not answer (exit {result.code}):\n{last_lines(result.output)}", "install nftables")
+        raise ModuleError(f"nft failed (exit {result.code}):\n{last_lines(result.output)}", "install nftables")
     try:
         return list(json.loads(result.output)["nftables"])
     except (ValueError, KeyError, TypeError) as error:
-        raise ModuleError(f"nft answers what is no JSON: {last_lines(result.output)}", "") from error
+        raise ModuleError(f"nft returned invalid JSON: {last_lines(result.output)}", "") from error
 
 
 def _networks(elements: Iterable[Any]) -> list[str]:
@@ -259,8 +259,8 @@ class ManagedServer:
         """Raise ModuleError if the server was never set up on this computer."""
         if self.tree.read(self.place.ca) is None:
             raise ModuleError(
-                "no server of the VPN was ever set up on this computer",
-                "`provision site=…` does that; then type the same again",
+                "no VPN server was ever set up on this computer",
+                "`provision site=…` does that; then run the same command again",
             )
 
     def list_admitted_names(self) -> list[str]:

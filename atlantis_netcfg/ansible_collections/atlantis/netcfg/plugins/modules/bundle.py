@@ -126,7 +126,7 @@ class BundleStore:
                 self._refuse_if_full({item.sha256: item.size for item in result if item.sha256 in missing})
                 return BundleStatus(False, True, missing, ())
             self._assemble_folder(name, result)
-            return BundleStatus(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
+            return BundleStatus(True, True, (), (f"bundle {name} assembled", *self._prune(name, result)))
 
     def _listed_files(self, name: str) -> tuple[StoredFile, ...] | None:
         try:
@@ -199,8 +199,10 @@ class BundleStore:
         needed_bytes, free = 2 * sum(missing.values()) + _ROOM, shutil.disk_usage(place).free
         if missing and free < needed_bytes:
             raise ModuleError(
-                f"the bundle needs {needed_bytes / 1e6:.0f} MB on the computer, and {free / 1e6:.0f} MB are free",
-                "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where",
+                f"the bundle needs {needed_bytes / 1000000.0:.0f} MB on the computer, but {free / 1000000.0:.0f} MB "
+                "are free",
+                "free some space, for example with `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` "
+                "shows where",
             )
 
     def _assemble_folder(self, name: str, result: tuple[StoredFile, ...]) -> None:
@@ -277,7 +279,7 @@ def main() -> None:
     name, result = module.params["id"], module.params["files"]
     files = tuple(StoredFile(**entry) for entry in result) if result is not None else None
     if not re.fullmatch(r"[0-9a-f]{16}", name) or any(".." in item.path.split("/") for item in files or ()):
-        module.fail_json(msg="this is no bundle", hint="", changes=[])
+        module.fail_json(msg="not a bundle", hint="", changes=[])
     owner = os.environ.get("SUDO_UID", "")
     store = BundleStore(FOLDER, int(owner) if owner.isdigit() else None)
     try:

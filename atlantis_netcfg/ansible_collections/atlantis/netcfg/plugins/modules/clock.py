@@ -76,15 +76,17 @@ class Clock:
         """Set the clock to `now`, in seconds since 1970, unless it is near or synchronised. Raises ModuleError."""
         if now < _OLDEST.timestamp():
             raise ModuleError(
-                f"the clock of this laptop is wrong ({_format_time(now)}): it cannot set another clock",
-                "set the clock of your own computer, and type the same again",
+                f"this laptop's clock is wrong ({_format_time(now)}): it cannot be used to set another clock",
+                "set your own computer's clock, then run the same command again",
             )
         was = self.read()
         if abs(was - now) <= tolerance_s:
             return
         off = _describe_offset(was - now)
         if self._follows():
-            self.notes.append(f"its clock is {off} of your computer's, and follows a time server: look at your own")
+            self.notes.append(
+                f"its clock is {off} of your computer's and follows a time server: check your computer's clock"
+            )
             return
         if not self.check:
             self._set(now, off)
@@ -95,9 +97,9 @@ class Clock:
             self.write(now)
         except OSError as error:
             raise ModuleError(
-                f"the clock of this computer is {off}, and may not be set here: {error.strerror}. "
-                "Keys and certificates do not hold with such a clock",
-                "a container has the clock of its computer: set it there, or give the container CAP_SYS_TIME",
+                f"the clock of this computer is {off}, and cannot be set here: {error.strerror}. Keys and "
+                "certificates do not work with such a clock",
+                "a container uses the clock of its computer: set it there, or give the container CAP_SYS_TIME",
             ) from error
         for keep in (["hwclock", "--systohc", "--utc"], ["fake-hwclock", "save"]):
             if is_there(keep[0]):

@@ -106,27 +106,29 @@ class SmokeTest:
         stamps, digests = Stamps(tree), self._digests(tree)
         if stamps.holds(_STAMP, digests):
             return TestVerdict(
-                "SKIP", f"{name} has been started with this build and this configuration before", worth=False
+                "SKIP", f"{name} has already been started with this build and this configuration", worth=False
             )
         if check:
-            return TestVerdict("SKIP", f"{name} is not started by a plan", worth=False)
+            return TestVerdict("SKIP", f"{name} is not started in a plan run", worth=False)
         result = run(["ip", "-4", "-oneline", "address", "show", "dev", self.interface])
         if result.code != 0 or " inet " not in result.output:
             words = f"{name} was not started: {self.interface}, the VPN's interface, has no address yet"
             return TestVerdict("SKIP", words, worth=True)
         for path in (self.program, self.config):
             if tree.find(path) is None:
-                raise ModuleError(f"the build has no {path}", "compare `connection_test:` with the partner's examples")
+                raise ModuleError(
+                    f"the build does not contain {path}", "compare `connection_test:` with the partner's examples"
+                )
         result = run(self._command(tree))
         if result.code not in (0, _STILL_RUNS):
             raise ModuleError(
-                f"FAIL: {name} ended with {result.code} after its start:\n{error_lines(result.output)}",
-                "the server C4i and its interface to ROS have to run at the SCC; the partner who made the example can"
-                " read its words",
+                f"FAIL: {name} exited with {result.code} after its start:\n{error_lines(result.output)}",
+                "the server C4i and its ROS interface must run at the SCC; send this output to the partner who made "
+                "the example",
             )
         stamps.note(_STAMP, digests)
         ran = f"ran for {self.seconds} s" if result.code == _STILL_RUNS else "ran, and ended by itself,"
-        remark = "whether TEST_ROBOT is connected at the SCC, only a person there can see"
+        remark = "only a person at the SCC can see whether TEST_ROBOT is connected there"
         return TestVerdict("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {remark}", worth=True)
 
     def _command(self, tree: FileSystem) -> list[str]:

@@ -97,7 +97,7 @@ def contradicting(tree: FileSystem, variables: Mapping[str, str], ours: frozense
 def note(setting: Setting, why: str) -> str:
     """Describe a setting, why it is a problem, and how to remove it."""
     place = f"line {setting.line} of {setting.path}"
-    return f"{place} sets {setting.name}={setting.value}: {why}; take that line out, and log in anew"
+    return f"{place} sets {setting.name}={setting.value}: {why}; remove that line and log in again"
 
 
 def _places(tree: FileSystem) -> Iterator[str]:

@@ -90,8 +90,8 @@ def require_minimum_version(
     match = re.match(r"\S+ (\d+(?:\.\d+)+)", result.output)
     if match is None:
         raise ModuleError(
-            f"{floor.program} does not tell its version, so that it is not started",
-            f"`{floor.program} --version` on that computer; its package is {floor.package}",
+            f"{floor.program} does not report its version, so it is not started",
+            f"check `{floor.program} --version` on that computer; its package is {floor.package}",
         )
     upstream = match[1]
     package = run(["dpkg-query", "--show", "--showformat=${Version}", floor.package])
@@ -100,11 +100,10 @@ def require_minimum_version(
         return version or upstream
     fixed_versions = " or ".join(text for branch in floor.branches for text in (branch.upstream, *branch.packages))
     raise ModuleError(
-        f"{floor.package} {version or upstream} has holes that are known and mended: {fixed_versions}, or later, "
-        "is needed."
-        " It was not started",
-        f"on that computer: `apt-get update && apt-get install {floor.package}`; "
-        "where its distribution has nothing newer, it needs a newer release",
+        f"{floor.package} {version or upstream} has known vulnerabilities: {fixed_versions} or later is needed. It "
+        "was not started",
+        f"on that computer: `apt-get update && apt-get install {floor.package}`; if its distribution has nothing "
+        "newer, upgrade to a newer release",
     )
 
 

@@ -106,9 +106,10 @@ ARGUMENTS = {
 RULES = {"required_if": [("action", "confirm", ["name"]), ("action", "look", ["name"])]}
 _BACK_S = 60.0
 """Seconds beyond the rollback window that rolling back a change may take."""
-_AGAIN = "correct `network` of the host or `lan` of its site, then type the same again"
+_AGAIN = "correct `network` of the host or `lan` of its site, then run the same command again"
 _UNKNOWN = (
-    f"`systemctl status {BACK}` there tells more; switching its power off and on brings the previous network back"
+    f"`systemctl status {BACK}` there shows more; switching the computer's power off and on restores the "
+    "previous network"
 )
 
 
@@ -130,9 +131,9 @@ def _describe_outcome(values: dict[str, Any]) -> dict[str, Any]:
     if values["state"] == "confirmed":
         return values
     if values["state"] == "rolled back":
-        msg = f"the change of the network was rolled back, and everything is as before: {values['why']}"
+        msg = f"the network change was rolled back, and everything is as before: {values['why']}"
         return {**values, "rolled_back": True, "msg": msg, "hint": _AGAIN}
-    msg = f"it is not known what has become of the change of the network: {values['why']}"
+    msg = f"outcome of the network change unknown: {values['why']}"
     return {**values, "rolled_back": False, "msg": msg, "hint": _UNKNOWN}
 
 
