@@ -282,9 +282,7 @@ def _trust_identity(identity: DeviceIdentity, request: Request) -> ExitCode:
             ),
         )
     print(
-        translate(
-            f"{shows}; {f'agreed to before was {identity.pinned_key}' if identity.pinned_key else 'not seen before'}"
-        )
+        translate(f"{shows}; {f'accepted before: {identity.pinned_key}' if identity.pinned_key else 'not seen before'}")
     )
     print(translate(f"  {identity.compare}"), flush=True)
     require_agreement(f"Is this really {identity.device}?")

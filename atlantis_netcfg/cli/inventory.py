@@ -115,7 +115,7 @@ def _ask_person(store: KeptAnswers) -> tuple[InventoryAnswers, Mapping[str, Any]
         except ValueError:  # bytes that are no text in the terminal's encoding
             return "\0"
         except EOFError:
-            again = "type the command again" + (": it offers to go on where it stopped" if is_kept else "")
+            again = "run the command again" + (": it offers to continue where it stopped" if is_kept else "")
             raise UsageError("not all questions were answered; nothing was written", hint=again) from None
 
     def tell(words: str) -> None:

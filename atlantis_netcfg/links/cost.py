@@ -134,10 +134,10 @@ class Preview:
         name, at_most = self.link.name, self.at_most
         if not self.link.is_metered:
             whole = size(self.bill.payload_bytes)
-            return f"over {name}, which is not paid by the byte: {'up to' if at_most else 'about'} {whole}"
+            return f"over {name} (not metered): {'up to' if at_most else 'about'} {whole}"
         missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not set)"
         cost = f"{self.bill.words}{missing}"
-        return f"over {name} of {self.link.site}, which is paid by the byte: {'up to' if at_most else 'about'} {cost}"
+        return f"over metered link {name} of {self.link.site}: {'up to' if at_most else 'about'} {cost}"
 
     def refusal(self) -> CostRefusal:
         """Return the error for an action beyond the cap."""

@@ -194,14 +194,14 @@ def kept_of(where: runs.Store, site: str, *, is_rehearsal: bool) -> tuple[SavedC
     if site in sites:
         return books(folder_of(where, site))
     near = nearest(site, sites)
-    begins = "" if near else f"; `provision check site={site}{' --rehearse' if is_rehearsal else ''}` begins one"
+    begins = "" if near else f"; `provision check site={site}{' --rehearse' if is_rehearsal else ''}` starts one"
     other = (
         ""
         if is_rehearsal or site not in sites_with(store(is_rehearsal=True))
         else "; add --rehearse to see rehearsed ones"
     )
     raise NoMatchError(
-        f"there is no {'rehearsed ' if is_rehearsal else ''}checklist of `{site}`",
+        f"`{site}` has no {'rehearsed ' if is_rehearsal else ''}checklist",
         hint=_suggest(site, sites, "checklists exist for") + (other or begins),
     )
 

@@ -80,7 +80,7 @@ def _choose(choices: list[str]) -> ExitCode:
 
     if not sys.stdin.isatty():
         return ExitCode.DONE
-    answer = (read_line(f"{translate(f'Which one? 1 to {len(choices)}; Enter does nothing:')} ") or "").strip()
+    answer = (read_line(f"{translate(f'Which one? 1 to {len(choices)}, or Enter for none:')} ") or "").strip()
     if not answer.isdecimal() or not 1 <= int(answer) <= len(choices):
         return ExitCode.DONE
     name, words = choose(shlex.split(choices[int(answer) - 1])[1:], COMMANDS)

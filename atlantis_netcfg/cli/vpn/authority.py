@@ -64,7 +64,7 @@ def run_vpn_init(arguments: syntax.Arguments) -> ExitCode:
         },
     }
     lines = [
-        f"{'unchanged' if there else 'made'}: the authority of the VPN, in {folder}",
+        f"{'unchanged' if there else 'created'}: VPN authority in {folder}",
         f"  its server is {names.common_name}, reachable at {', '.join([*names.dns, *map(str, names.addresses)])}",
     ]
     if there is None:

@@ -83,7 +83,7 @@ def known_links(draft: _draft.Draft) -> Iterator[Finding]:
                 continue
             elsewhere = [other for other, item in draft.sites.items() if port.link in links_of(item)]
             message = f"`{name}` has no link `{port.link}`" + (
-                f": that is one of `{elsewhere[0]}`" if elsewhere else ""
+                f": that link belongs to `{elsewhere[0]}`" if elsewhere else ""
             )
             hint = suggest(port.link, links_of(site), none="")
             yield draft.finding_at(_draft.Part("device", host), ("ports", index, "link"), message, hint)

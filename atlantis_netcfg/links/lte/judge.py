@@ -97,7 +97,7 @@ def manual_check_finding(address: str) -> status.LinkFinding:
         Verdict.INCONCLUSIVE,
         "look-yourself",
         f"this 4G unit has no driver: check it on its own page, http://{address}/ or as its manual says",
-        "look for: " + "; ".join(LOOK_FOR),
+        "check: " + "; ".join(LOOK_FOR),
     )
 
 

@@ -278,7 +278,7 @@ class _RemoteLink:
         code = self._code()
         why = self._stderr_tail().strip().splitlines()[-1:] or [f"exit {code}" if code is not None else "no response"]
         return AnswerLost(
-            f"{self.name}: the connection was lost before an answer came{f' to `{do}`' if do else ''} ({why[0]})",
+            f"{self.name}: the connection was lost before a response{f' to `{do}`' if do else ''} ({why[0]})",
             hint="the request may have been completed: `provision vpn sync` checks and continues",
         )
 

@@ -64,9 +64,7 @@ def _inventory(inventory: Path) -> tuple[Inventory | None, DoctorItem | None]:
         return load(inventory), None
     except InventoryInvalid as error:
         number = len(error.findings)
-        observation = (
-            f"{inventory} has {number} error{'s' if number > 1 else ''}; what follows from it is not looked at"
-        )
+        observation = f"{inventory} has {number} error{'s' if number > 1 else ''}; dependent checks are skipped"
         commands = ("provision inventory validate",)
         return None, DoctorItem(DoctorSection.KEYS, "declaration", Verdict.FAIL, observation, "", commands)
 

@@ -231,7 +231,7 @@ class UnitConvergence:
             self._touched = bool(applied_changes)
             missing_change = next(element for element in settings.changes if element not in applied_changes)
             raise errors.DeviceError(
-                f"{name}: {len(applied_changes)} of {len(settings.changes)} settings were kept; not kept: "
+                f"{name}: {len(applied_changes)} of {len(settings.changes)} settings were saved; not saved: "
                 f"{missing_change.package}."
                 f"{missing_change.section}.{missing_change.option}{f' ({words.splitlines()[0]})' if words else ''}",
                 hint="is the unit's flash full, or its configuration locked? Check its own web page",

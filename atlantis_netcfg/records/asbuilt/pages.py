@@ -187,7 +187,7 @@ def _device(device: DeviceRecord, zone: str) -> Iterator[printable.Row]:
     for port in device.ports:
         yield _label(translate(f"port {port.name}"), translate(link_words(port)))
         if port.belongs:
-            yield f"{'':<{_COLUMN}}{translate(f'by the declaration: {port.belongs}')}"
+            yield f"{'':<{_COLUMN}}{translate(f'according to the inventory: {port.belongs}')}"
         yield from (f"{'':<{_COLUMN}}{translate(neighbour_words(item))}" for item in port.neighbours)
     for item in device.elsewhere:
         yield _label(translate("port not known"), translate(neighbour_words(item)))

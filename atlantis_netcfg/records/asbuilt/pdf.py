@@ -84,7 +84,7 @@ def _device(paper: _sheet.Paper, device: DeviceRecord, zone: str) -> None:
     for name, fact in pages.facts_of(device):
         paper.tell(f"{translate(title_of(name))}: {_value(fact, zone)}", size=_sheet.SMALL, indent=_INDENT)
     for port in device.ports:
-        belongs = f"; {translate(f'by the declaration: {port.belongs}')}" if port.belongs else ""
+        belongs = f"; {translate(f'according to the inventory: {port.belongs}')}" if port.belongs else ""
         paper.tell(
             f"{translate(f'port {port.name}')}: {translate(pages.link_words(port))}{belongs}",
             size=_sheet.SMALL,

@@ -95,7 +95,7 @@ def _as_declared_text(comparison: Comparison) -> str:
     hidden_secrets = [difference for difference in comparison.differences if difference.kind is DriftKind.HIDDEN]
     words = ["as in the inventory"]
     if beside:
-        words.append(f"{len(beside)} foreign row{'' if len(beside) == 1 else 's'} left alone as before")
+        words.append(f"{len(beside)} foreign row{'' if len(beside) == 1 else 's'} left unchanged")
     if hidden_secrets:
         words.append(f"{len(hidden_secrets)} secret{'' if len(hidden_secrets) == 1 else 's'} could not be compared")
     return "; ".join(words)
@@ -104,7 +104,7 @@ def _as_declared_text(comparison: Comparison) -> str:
 def _summary(comparison: Comparison) -> str:
     kinds = [difference.kind for difference in comparison.drift]
     parts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds)
-    return f"{len(kinds)} difference{'' if len(kinds) == 1 else 's'} from the declaration: {parts}"
+    return f"{len(kinds)} difference{'' if len(kinds) == 1 else 's'} from the inventory: {parts}"
 
 
 _READING = (_job.JobMode.PLAN, _job.JobMode.DRIFT)

@@ -152,7 +152,7 @@ class EvologicsFleet:
     ) -> Iterator[LinkFinding]:
         of = {key: {name: values[key] for name, values in result.items()} for key in _COMPARED_SETTINGS}
         yield from _require_unique("acoustic address", of["Local Address"])
-        hint = "have the crews set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
+        hint = "ask the crews to set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
         yield from _require_same(
             "highest address", "highest-address-differs", of["Highest Address"], hint, verdict=Verdict.FAIL
         )

@@ -336,8 +336,7 @@ _WORDS: Mapping[base.Trouble | None, tuple[Verdict, str, str, str]] = {
         Verdict.INCONCLUSIVE,
         "silent",
         "the modem of {name} does not respond at {where}",
-        "switch the modem on, and look whether its address is that of the declaration; or it is in use by the vehicle: "
-        + _IN_USE,
+        "switch the modem on, and compare its address with the inventory; if the vehicle is using it: " + _IN_USE,
     ),
     base.Trouble.UNREACHABLE: (
         Verdict.INCONCLUSIVE,

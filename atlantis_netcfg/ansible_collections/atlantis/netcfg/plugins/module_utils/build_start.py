@@ -208,9 +208,7 @@ class Build:
         log = self.places.log(plan.key)
         if outcome.get("run") == run_id and not outcome.get("ok"):
             hint = outcome["hint"]
-            return ModuleError(
-                outcome["message"], f"{hint}{'; ' if hint else ''}all that was said: {log} on the gateway"
-            )
+            return ModuleError(outcome["message"], f"{hint}{'; ' if hint else ''}complete output: {log} on the gateway")
         return ModuleError(
             f"the build of {plan.words} was interrupted: the gateway lost power, or the build was ended there",
             f"run the same command again: it continues with what was downloaded; complete output: {log} on the gateway",
