@@ -88,13 +88,13 @@ def share_out(costs: Mapping[str, float], shards: int) -> list[set[str]]:
 def _shard(text: str) -> tuple[int, int]:
     if (parts := re.fullmatch(r"(\d+)/(\d+)", text)) and 1 <= int(parts[1]) <= int(parts[2]):
         return int(parts[1]), int(parts[2])
-    raise ArgumentTypeError(f"`{text}` is not a shard; add K/N, with K from 1 to N")
+    raise ArgumentTypeError(f"`{text}` is no shard; write K/N, with K from 1 to N")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--tier", action="append", type=Tier, choices=[*Tier], help="run the tests of this tier only")
     parser.addoption("--shard", type=_shard, default=(1, 1), help="of the tier `rest` run shard K of N only: K/N")
-    parser.addoption("--costs", type=Path, help="add the CPU seconds of each test file to this file")
+    parser.addoption("--costs", type=Path, help="write the CPU seconds of each test file to this file")
     parser.addoption("--fault-seeds", default="0:40", help="seeds of the campaign of faults: FIRST:END or a,b,c")
     parser.addoption(
         "--fault-records", type=Path, help="file to which the campaign of faults adds a line for each seed"

@@ -14,7 +14,7 @@ from campaign.site import ADDRESSES, ADMIN, CHECKOUT, STRANGER, Site
 
 Rows = list[dict[str, Any]]
 
-_JOBS, _SAFE_MODE, _LISTS = "system/scheduler", "safe mode and a scheduler job", "ip/firewall/address-list"
+_JOBS, _SAFE_MODE, _LISTS = "system/scheduler", "safe-mode", "ip/firewall/address-list"
 _PACKAGES, _FILES = "system/package", "file"
 _MARKER = "atlantis-run"
 _ALWAYS = (_JOBS, _SAFE_MODE, _LISTS, "system/script", "user", "system/identity", _PACKAGES, _FILES)

@@ -177,19 +177,19 @@ def _tagged(lines: bytes, tag: str) -> bytes:
 STYLES: Mapping[str, tuple[Callable[[Epoch], bytes], frozenset[str]]] = {
     "u-blox": (
         _ublox,
-        frozenset({"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "void", "time"}),
+        frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time"}),
     ),
     "garmin": (
         lambda e: _rmc("GP", e) + _gga("GP", e) + _gsa("GP", e) + _gll("GP", e),
-        frozenset({"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "void", "time"}),
+        frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time"}),
     ),
     "sirf": (
         lambda e: _gga("GP", e) + _gsa("GP", e) + _rmc("GP", e, lettered=False),
-        frozenset({"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "void", "time"}),
+        frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time"}),
     ),
     "GLONASS without a fix": (
         lambda e: _gga("GP", e) + _rmc("GP", e) + _gsa("GP", e) + _gsa("GL", e, 1),
-        frozenset({"date", "speed", "count", "nature", "void", "time", "wait under an open sky for a 3D fix"}),
+        frozenset({"date", "speed", "count", "nature", "void", "time", "dimensions"}),
     ),
     "RMC alone": (lambda e: _rmc("GP", e), frozenset({"date", "speed", "nature", "void", "time"})),
     "GLL alone": (lambda e: _gll("GP", e), frozenset({"nature", "void", "time"})),
@@ -198,9 +198,7 @@ STYLES: Mapping[str, tuple[Callable[[Epoch], bytes], frozenset[str]]] = {
     "GNS": (lambda e: _gns("GN", e) + _rmc("GN", e), frozenset({"date", "speed", "count", "nature", "void", "time"})),
     "multiplexer": (
         lambda e: _tagged(_ublox(e), "s:GP0001"),
-        frozenset(
-            {"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "void", "time", "sources"}
-        ),
+        frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time", "sources"}),
     ),
 }
 """How a receiver speaks, and what of an epoch it tells."""
@@ -229,7 +227,7 @@ def _objects(*objects: dict[str, Any]) -> bytes:
 
 
 VERSIONS = ("3.17", "3.22", "3.25")
-GPSD_TELLS = frozenset({"date", "speed", "count", "nature", "wait under an open sky for a 3D fix", "time", "sources"})
+GPSD_TELLS = frozenset({"date", "speed", "count", "nature", "dimensions", "time", "sources"})
 
 
 def stream(ridden: Ride) -> Stream:
@@ -388,7 +386,7 @@ RIDES: Mapping[str, tuple[frozenset[str], Callable[[Random, Ride], Ride]]] = {
         lambda rng, one: _all(one, hdop=rng.choice((120.0, 99.99 * 2))),
     ),
     "two dimensions in the air": (
-        frozenset({"wait under an open sky for a 3D fix"}),
+        frozenset({"dimensions"}),
         lambda _, one: replace(_all(one, dimensions=2), flies=True),
     ),
     "half-answered": (frozenset(), lambda rng, one: replace(one, cut=rng.randrange(3))),
@@ -456,7 +454,7 @@ def row(ridden: Ride) -> dict[str, str]:
     return {**told, "data-age": f"{age_s:.0f}s"}
 
 
-ROUTEROS_TELLS = frozenset({"date", "count", "nature", "wait under an open sky for a 3D fix", "time", "void"})
+ROUTEROS_TELLS = frozenset({"date", "count", "nature", "dimensions", "time", "void"})
 NO_STREAM = frozenset(
     {
         *("frozen", "position frozen, speed goes on", "replayed, another pace", "replayed, in a loop", "half-answered"),

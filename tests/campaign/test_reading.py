@@ -86,21 +86,14 @@ def test_leftovers_of_a_run_are_detected() -> None:
         "router",
         {
             "system/scheduler": jobs,
-            "safe mode and a scheduler job": [{"enabled": True, "owner": "api:provision@10.0.0.2"}],
+            "safe-mode": [{"enabled": True, "owner": "api:provision@10.0.0.2"}],
             "ip/firewall/address-list": [{"list": "atlantis-run", "comment": "run 1"}],
         },
     )
     assert left.armed == ["job atlantis-pair", "marker run 1", "safe mode is held by api:provision@10.0.0.2"]
     assert picture(safe_mode=[{"enabled": False}]).armed == []
-    assert (
-        Picture(
-            "router", {"safe mode and a scheduler job": [{"enabled": True, "owner": "api:colleague@10.0.0.2"}]}
-        ).armed
-        == []
-    )
-    assert Picture("router", {"safe mode and a scheduler job": [{"enabled": True}]}).armed == [
-        "safe mode is held by somebody"
-    ]
+    assert Picture("router", {"safe-mode": [{"enabled": True, "owner": "api:colleague@10.0.0.2"}]}).armed == []
+    assert Picture("router", {"safe-mode": [{"enabled": True}]}).armed == ["safe mode is held by somebody"]
 
 
 def test_seed_determines_the_round() -> None:

@@ -46,7 +46,7 @@ DRIFT = {
 """What our plan shows of it, and nothing else; the order is said by putting the rule back behind its neighbour."""
 PINGS = [
     "atlantis: ping from management",
-    "atlantis: ping from management over the VPN",
+    "atlantis: ping from management by the VPN",
     "atlantis: ping from the LAN",
     "atlantis: ping over wifi-ptp, to test it",
 ]

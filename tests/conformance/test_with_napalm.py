@@ -80,6 +80,6 @@ def test_its_rollback_reboots_the_router(tmp_path: Path) -> None:
     with stand(tmp_path) as at:
         at.provision()
         before = at.export()
-        assert at.ask(CLIENT, do="rollback", text=EXTRA.format("rolled back")) == {"is_alive": False}
+        assert at.ask(CLIENT, do="rollback", text=EXTRA.format("taken back")) == {"is_alive": False}
         at.twins.do("coastal-router", "restart")
         assert at.export() == before

@@ -114,7 +114,7 @@ def test_scapy_reflects_our_sender(tmp_path: Path) -> None:
     assert 0 < figures.rtt.min < 1
     numbers = [sample.reflector_sequence for sample in samples if isinstance(sample, ReplySample)]
     first = numbers[0]
-    assert numbers == [n for n in range(first, first + 47) if n - first != 24], "it numbers what it responses"
+    assert numbers == [n for n in range(first, first + 47) if n - first != 24], "it numbers what it answers"
     assert told == [first + 47]
 
 

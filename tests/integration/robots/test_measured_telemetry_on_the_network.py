@@ -35,7 +35,7 @@ def test_measured_sizes_and_rates_match_the_mock(tmp_path: Path) -> None:
     own = inventory(tmp_path / "inventory")
     script = (
         '"$1" robot mock for=60s vehicle=zarco,sparus inventory="$2" >/dev/null 2>&1 & mock=$!; "$1" '
-        'measure fit site=coastal vehicle=zarco observed=12s address=127.0.0.1 inventory="$2" --add --json; '
+        'measure fit site=coastal vehicle=zarco observed=12s address=127.0.0.1 inventory="$2" --write --json; '
         "code=$?; kill $mock; wait $mock; exit $code"
     )
     done = alone(script, str(PROVISION), str(own))

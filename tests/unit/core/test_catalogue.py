@@ -14,16 +14,16 @@ MESSAGES = {
     "nothing was changed": "nada foi alterado",
     "no such device": "esse equipamento não existe",
     "not reached": "não alcançado",
-    "`provision report runs` lists the runs": "`provision report runs` lista o que há",
+    "`provision report runs` lists what is there": "`provision report runs` lista o que há",
     "{number} change": "{number} alteração",
     "{number} changes": "{number} alterações",
     "{number} changes of {rows} rows": "{number} alterações em {rows} linhas",
     "{name}: {reason} was lost": "{name}: perdeu-se {reason}",
-    "interrupted by {how}; {kept}": "interrompido por {how}; {kept}",
-    "{device} responses on {port} of {site}": "em {site}, {device} responde na porta {port}",
+    "stopped by {how}; {kept}": "interrompido por {how}; {kept}",
+    "{device} answers on {port} of {site}": "em {site}, {device} responde na porta {port}",
     "of {box}": "de {box}",
     "type `{command}` to go on": "para continuar, escreva `{command}`",
-    "to apply the inventory, run:  provision site={site}": "para as levar até lá, escreva:  provision site={site}",
+    "to bring them there, type:  provision site={site}": "para as levar até lá, escreva:  provision site={site}",
     "it goes on with `provision recover resume site={site}`": "prossegue com `provision recover resume site={site}`",
     "what {{}} is": "o que é {{}}",
     "the link": "a ligação",
@@ -53,7 +53,7 @@ def catalogue() -> Catalogue:
         ("nothing was changed, 3 changes", "nada foi alterado, 3 alterações"),
         ("coastal-cpe: nothing was changed", "coastal-cpe: nada foi alterado"),
         ("coastal-cpe: the link was lost", "coastal-cpe: perdeu-se a ligação"),
-        ("cpe responses on 8729 of coastal", "em coastal, cpe responde na porta 8729"),
+        ("cpe answers on 8729 of coastal", "em coastal, cpe responde na porta 8729"),
     ],
 )
 def test_message_is_translated(catalogue: Catalogue, text: str, expected: str) -> None:
@@ -61,18 +61,18 @@ def test_message_is_translated(catalogue: Catalogue, text: str, expected: str) -
 
 
 def test_a_value_that_is_a_message_is_translated(catalogue: Catalogue) -> None:
-    text = "interrupted by Ctrl-C; nothing was changed"
+    text = "stopped by Ctrl-C; nothing was changed"
     assert catalogue.translate(text) == "interrompido por Ctrl-C; nada foi alterado"
 
 
 def test_nested_messages_are_translated(catalogue: Catalogue) -> None:
-    text = "interrupted by SIGTERM; coastal-cpe: the link was lost"
+    text = "stopped by SIGTERM; coastal-cpe: the link was lost"
     assert catalogue.translate(text) == "interrompido por SIGTERM; coastal-cpe: perdeu-se a ligação"
 
 
 @pytest.mark.parametrize("name", ["done", "link", "{number}", "ç", "a`b", "\\1", "ether1"])
 def test_name_in_a_message_is_never_translated(catalogue: Catalogue, name: str) -> None:
-    assert catalogue.translate(f"interrupted by {name}; not reached") == f"interrompido por {name}; não alcançado"
+    assert catalogue.translate(f"stopped by {name}; not reached") == f"interrompido por {name}; não alcançado"
 
 
 def test_text_in_backquotes_is_never_translated(catalogue: Catalogue) -> None:
@@ -116,7 +116,7 @@ def test_message_with_mostly_unknown_text_is_not_translated(catalogue: Catalogue
             "`provision report runs inventory=/srv/pilot` lista o que há",
         ),
         (
-            "to apply the inventory, run:  provision site=scc inventory='/a b' --rehearse",
+            "to bring them there, type:  provision site=scc inventory='/a b' --rehearse",
             "para as levar até lá, escreva:  provision site=scc inventory='/a b' --rehearse",
         ),
         ("it goes on with `provision recover resume site=scc`", "prossegue com `provision recover resume site=scc`"),
@@ -131,10 +131,10 @@ def test_command_in_a_hint_may_contain_values(catalogue: Catalogue, text: str, e
 
 
 def test_preposition_and_article_are_contracted() -> None:
-    messages = {"the gateway": "o gateway", "the port of {who} is disabled": "a porta de {who} está desligada"}
+    messages = {"the gateway": "o gateway", "the port of {who} is switched off": "a porta de {who} está desligada"}
     catalogue = Catalogue(messages, {"de o": "do"})
-    assert catalogue.translate("the port of the gateway is disabled") == "a porta do gateway está desligada"
-    assert catalogue.translate("the port of o is disabled") == "a porta de o está desligada"
+    assert catalogue.translate("the port of the gateway is switched off") == "a porta do gateway está desligada"
+    assert catalogue.translate("the port of o is switched off") == "a porta de o está desligada"
 
 
 def test_table_columns_stay_aligned(catalogue: Catalogue) -> None:
@@ -199,12 +199,12 @@ def test_text_missing_from_catalogue_stays_in_english() -> None:
 def test_translation_of_a_line_with_many_separators_is_bounded() -> None:
     """The parts of such a line are as many as its pairs of joints: a checklist of 49 items took minutes."""
     found = Catalogue(
-        {"not checked": "não verificado", "{name} responses": "{name} responde", "no reply": "sem resposta"}
+        {"not checked": "não verificado", "{name} answers": "{name} responde", "no reply": "sem resposta"}
     )
     line = "not checked at: " + ", ".join(f"robot {number}: link {number}; no reply" for number in range(300))
     assert found.translate(line).count("link") == 300
     assert found._tried <= _MOST_TRIED + 1000
-    assert found.translate("robot1 responses") == "robot1 responde"
+    assert found.translate("robot1 answers") == "robot1 responde"
 
 
 @pytest.mark.parametrize(

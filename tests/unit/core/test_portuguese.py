@@ -132,7 +132,8 @@ def test_help_is_no_wider_than_in_english(name: str) -> None:
 
 
 def test_command_names_are_not_translated() -> None:
-    assert {name for name in COMMANDS if TRANSLATIONS.get(name, name) != name} == {"plan"}, "also the word of a table"
+    translated = {name for name in COMMANDS if TRANSLATIONS.get(name, name) != name}
+    assert translated == {"check", "plan"}, "labels of the last lines of a run, too"
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_third_party_clients_are_pinned_and_separate_from_the_product() -> None:
     for name in ("ansible", "librouteros", "RouterOS-api", "napalm-ros", "netmiko", "scapy"):
         assert name in told
         assert normal(name) in pinned
-    assert "--require-hashes" in (ROOT / "tools" / "so robots outside the inventory cannot be seen").read_text()
+    assert "--require-hashes" in (ROOT / "tools" / "strangers").read_text()
     assert all(name in told and re.fullmatch(r"[\d.]+", version) for name, version in node.items())
     assert {"ansible", "napalm", "napalm-ros", "routeros-api", "scapy"}.isdisjoint(locked("dev"))
 

@@ -25,7 +25,7 @@ def _set(words: str) -> frozenset[str]:
 
 
 IRREGULAR = _set("""
-    begun called paid reported typed chosen given found known left kept held seen made sent said taken gone come shown
+    begun called paid told typed chosen given found known left kept held seen made sent said taken gone come shown
     written drawn worn heard meant asked wanted done lost won built bought caught taught thought felt dealt driven
     forgotten grown hidden laid led lain lit met ridden risen sold sung sunk sat slept spoken spent stood stolen struck
     sworn torn thrown understood woken

@@ -85,12 +85,12 @@ SAME = {
         ("CertificateMismatch", "CertificateUnknown", "HostKeyMismatch"), "a pin, of one kind of device each"
     ),
     "Crl": "the revocation list, here and on the server",
-    "DesiredState": "what a device or a computer shall hold, as in the planner of each",
+    "DesiredState": "what a device or a computer shall hold, as the planner of each has it",
     "Data": "the frozen base of a file's models",
     "Spec": "the frozen base of an emulated device's models",
     **dict.fromkeys(("Decoder", "Packet", "Trap"), "the same thing, as the engine and as the emulated router have it"),
     "Direction": "up or down",
-    "Repository": "a the inventory says source of the library, as it and as the module of the collection is given it",
+    "Repository": "a source of the library, as it is declared and as the module of the collection is given it",
     "Shape": "of a menu: one row, rows, or a fixed set of them",
 }
 """Classes of one name and one meaning, each with what they mean."""

@@ -62,7 +62,7 @@ def test_pre_commit_runs_what_make_lint_runs() -> None:
         ((), 1, "failed: two"),
         (("one",), 0, ""),
         (("two",), 1, "failed: two"),
-        (("three",), 3, "no such playbook: check `three`"),
+        (("three",), 3, "there is no check `three`"),
     ],
 )
 def test_lint_fails_when_one_check_fails(words: tuple[str, ...], code: int, said: str, tmp_path: Path) -> None:

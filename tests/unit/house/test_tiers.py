@@ -85,7 +85,7 @@ def test_each_test_runs_in_one_tier_and_one_shard(pytester: pytest.Pytester, mon
     for wrong in ("4/3", "0/3", "2"):
         result = pytester.runpytest_inprocess("-p", "no:cacheprovider", "--tier", "rest", "--shard", wrong)
         assert result.ret == pytest.ExitCode.USAGE_ERROR
-        assert f"`{wrong}` is not a shard; add K/N, with K from 1 to N" in result.stderr.str()
+        assert f"`{wrong}` is no shard; write K/N, with K from 1 to N" in result.stderr.str()
 
 
 def test_cost_table_names_existing_files_within_the_budget(rules: Any) -> None:  # noqa: ANN401

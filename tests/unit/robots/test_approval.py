@@ -177,7 +177,7 @@ def test_missing_vault_password_is_refused_before_listening(
     monkeypatch.setattr("ansible.constants.DEFAULT_VAULT_PASSWORD_FILE", None)
     monkeypatch.setattr(robots, "discover", lambda *_: pytest.fail("it has listened"))
     assert main(["robot", "discover", "site=coastal", "save=lauv", f"inventory={pier / 'inventory'}", "--json"]) == 3
-    assert "no such playbook: password for them" in capsys.readouterr().out
+    assert "there is no password for them" in capsys.readouterr().out
 
 
 def test_file_is_saved_only_for_a_declared_robot_seen_once(pier: Path) -> None:
@@ -186,12 +186,12 @@ def test_file_is_saved_only_for_a_declared_robot_seen_once(pier: Path) -> None:
     twice.configurations += stranger(participant="other").configurations
     for namespace, observation, message in (
         ("lauv", stranger(), "no such vehicle: `lauv`; no file was written"),
-        ("other", stranger(), "0 robots of the namespace `other` were heard"),
-        ("lauv", twice, "2 robots of the namespace `lauv` were heard"),
+        ("other", stranger(), "0 robots use the namespace `other`, so no file was written"),
+        ("lauv", twice, "2 robots use the namespace `lauv`, so no file was written"),
     ):
         with pytest.raises(NoMatchError, match=message):
             robots.save(declaration, namespace, observation, lambda text: text)
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="already exists"):
         robots.save(declaration, "zarco", stranger("zarco"), lambda text: text)
     (pier / "inventory" / "robots" / "zarco.yml").unlink()
     with pytest.raises(InventoryInvalid):

@@ -191,9 +191,9 @@ ACCESS = {"host": "10.64.1.10", "port": 22, "user": "root"}
         (ProcessResult(-9, b"", b"", overdue=True), "was not reached: no response in time"),
         (
             ProcessResult(255, b"", b"root@10.64.1.10: Permission denied (publickey).", overdue=False),
-            "does not let you",
+            "refused the login as root",
         ),
-        (ProcessResult(255, b"", b"Host key verification failed.", overdue=False), "not the declared one"),
+        (ProcessResult(255, b"", b"Host key verification failed.", overdue=False), "differs from the inventory"),
         (ProcessResult(127, b"", b"sh: 1: exec: python3: not found", overdue=False), "has no python3"),
         (ProcessResult(0, b'alive\n{"heard": "eJw', b"", overdue=False), "was lost before the listening time ended:"),
         (

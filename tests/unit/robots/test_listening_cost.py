@@ -44,8 +44,8 @@ def test_listening_from_the_vpn_requires_consent(
     places = listened(VPN)
     assert main(LISTEN) == 4
     printed = capsys.readouterr().err
-    assert "the cost was not accepted, so nothing was sent: over 4g of te4sea, which is paid" in printed
-    assert "type the same with `--accept-cost`, or listen at the site: `from=te4sea-gateway`" in printed
+    assert "the cost was not accepted, so nothing was sent: over metered link 4g of te4sea" in printed
+    assert "run the same command with `--accept-cost`, or listen at the site: `from=te4sea-gateway`" in printed
     assert not places
     assert main([*LISTEN, "--accept-cost"]) == 6
     assert main([*LISTEN, "from=te4sea-gateway"]) == 6

@@ -172,7 +172,7 @@ def test_file_changed_meanwhile_is_not_overwritten(inventory: Path) -> None:
     vehicles.write_text(f"{vehicles.read_text()}# by somebody else\n")
     with pytest.raises(UsageError, match="changed in the meantime"):
         write(declaration, telemetry, made)
-    assert "as heard" not in vehicles.read_text()
+    assert "received at" not in vehicles.read_text()
 
 
 def test_one_line_entry_is_shown_but_not_written(inventory: Path) -> None:
@@ -182,7 +182,7 @@ def test_one_line_entry_is_shown_but_not_written(inventory: Path) -> None:
     vehicles.write_text(yaml.safe_dump(document, default_flow_style=True))
     made = change(declaration, telemetry, date(2026, 11, 29))
     assert len(made.difference) == len(telemetry.topics)
-    with pytest.raises(UsageError, match="as this command can add it"):
+    with pytest.raises(UsageError, match="in a form that this command can edit"):
         write(declaration, telemetry, made)
 
 

@@ -76,7 +76,7 @@ def test_type_and_topic_names_convert_both_ways() -> None:
     ("file", "text", "words"),
     [
         ("msg/Odd.msg", "float64\n", "Odd.msg cannot be read"),
-        ("action/Odd.action", "bool value\n---\nint32 status\n", "three parts with `---` between them, this one has 2"),
+        ("action/Odd.action", "bool value\n---\nint32 status\n", "three parts separated by `---`; this one has 2"),
         ("srv/Odd.srv", "bool value\n---\n", "neither a message nor an action"),
         ("msg/Odd.txt", "bool value\n", "neither a message nor an action"),
     ],

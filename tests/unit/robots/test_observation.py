@@ -220,7 +220,7 @@ def test_participant_in_another_domain_is_reported_if_a_robot_is_missing() -> No
         ("INCONCLUSIVE", "robot-missing"),
         ("INCONCLUSIVE", "other-domain"),
     ]
-    assert "10.64.1.22 speaks in domain 7, 42" in reports[0].findings[1].message
+    assert "10.64.1.22 uses domain 7, 42" in reports[0].findings[1].message
     assert ending(reports, observation) == ExitCode.CHECKS_FAILED
     assert codes(replace(heard(), other_domains={"10.64.1.22": [7]})) == []
 

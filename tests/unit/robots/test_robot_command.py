@@ -77,7 +77,7 @@ def test_a_file_that_others_can_read_is_a_warning(
     file.chmod(0o644)
     assert main(["robot", "validate", str(file), f"inventory={inventory}"]) == ExitCode.DONE
     shown = capsys.readouterr().out
-    assert "others on this computer can read `token`" in shown
+    assert "other users of this computer can read `token`" in shown
     assert f"chmod 600 {file}" in shown
     assert "1 warning in robot files" in shown
 
@@ -128,7 +128,7 @@ def test_vehicle_typed_as_a_file_gets_the_right_suggestion(inventory: Path, caps
 @pytest.mark.parametrize(
     ("line", "code", "words"),
     [
-        (("nowhere.yml",), ExitCode.NOTHING, "cannot read nowhere.yml: no such file or directory"),
+        (("nowhere.yml",), ExitCode.NOTHING, "nowhere.yml cannot be read: no such file or directory"),
         (("a.yml", "vehicle=sparus"), ExitCode.USAGE, "a file and `vehicle=` cannot be used together"),
         (("vehicle=sparrus",), ExitCode.USAGE, "no such vehicle: `sparrus`"),
     ],
@@ -148,7 +148,7 @@ def test_terminal_escapes_from_a_file_or_a_robot_are_not_printed(
     file.write_text(file.read_text().replace("namespace: mares", 'namespace: "mares\\e[2J\\u202e"'))
     assert main(["robot", "validate", f"inventory={inventory}"]) == ExitCode.USAGE
     printed = capsys.readouterr()
-    assert "is no name in ROS" in printed.err
+    assert "is not a ROS name" in printed.err
 
     finding = LinkFinding(Verdict.FAIL, "code", "the host \x1b[2J\u202e says so", "")
     report = RobotReport("\x1b]0;mares\x07", RobotState.UNKNOWN, None, (finding,))
@@ -165,7 +165,7 @@ def test_vehicle_without_a_file_is_not_mocked(
 ) -> None:
     (inventory / "robots" / "zarco.yml").unlink()
     assert main(["robot", "mock", f"vehicle={vehicles}", "for=5s", f"inventory={inventory}"]) == ExitCode.NOTHING
-    assert "no such playbook: robots/zarco.yml" in capsys.readouterr().err
+    assert "robots/zarco.yml, which lists what `zarco` publishes, does not exist" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("address", ["foo", '127.0.0.1"/><x'])

@@ -90,7 +90,7 @@ def test_every_participant_is_reached_in_both_directions_over_each_link(made: Ch
     assert [name for name, count in grown.items() if count > 10] == [bearer]
     (line,) = findings(result)
     assert line.startswith(
-        f"PASS data-reaches: scc-control has answered 3 of 3 messages through the VPN over {bearer},"
+        f"PASS data-reaches: scc-control responded to 3 of 3 messages through the VPN over {bearer},"
     )
     delays = [float(one.value.partition(" ms")[0]) for one in result.evidence if one.what.startswith("message ")]
     assert len(delays) == 3

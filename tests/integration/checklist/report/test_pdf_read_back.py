@@ -85,8 +85,8 @@ def test_evidence_overrides_and_hashes_are_included(example: list[str]) -> None:
         "Zarco stays ashore today; its crew replaces the radio",
         f"failsafe.png: SHA-256 {made.sha256(made.photo())}",
         "sparus/wifi: ✓ PASS → ✗ FAIL: -22 dBm, was -50 dBm",
-        "Mares: Acoustic: excluded by `phase=bench`",
-        "radio waves: the signal is what the twin is reported to say",
+        "Mares: Acoustic: left out by `phase=bench`",
+        "radio waves: the signal is what the twin is told to say",
         made.sha256(b"the example inventory"),
     ):
         assert plain(one) in words

@@ -73,7 +73,7 @@ CASES = (
     Case(
         "two",
         (DECLARED, DECLARED),
-        "PASS responses: 2 DDS participants on coastal-gateway respond at 10.80.0.21, in domain 0",
+        "PASS answers: 2 DDS participants on coastal-gateway respond at 10.80.0.21, in domain 0",
         "7410, 7412",
         "10.80.0.21",
     ),
@@ -195,7 +195,7 @@ def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
 @pytest.mark.parametrize(
     ("profile", "finding"),
     [
-        (SITE, "PASS responses: 1 DDS participant on coastal-gateway responds at 10.80.0.21, in domain 0"),
+        (SITE, "PASS answers: 1 DDS participant on coastal-gateway responds at 10.80.0.21, in domain 0"),
         (
             "127.0.0.1",
             (
@@ -211,7 +211,7 @@ def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
             ),
         ),
     ],
-    ids=["create one encrypted file with its VPN and DDS profiles", "on the loopback alone", "without its profile"],
+    ids=["with its profile", "on the loopback alone", "without its profile"],
 )
 def test_fast_dds_participants_are_detected(
     fast_dds: tuple[str, ...], profile: str | None, finding: str, tmp_path: Path

@@ -29,7 +29,7 @@ PINGED = CommandResult(
     + "".join(f"64 bytes from 10.64.1.23: icmp_seq={number} ttl=64 time=2.00 ms\n" for number in range(1, 21))
     + "20 packets transmitted, 20 received, 0% packet loss, time 3823ms\nrtt min/avg/max/mdev = 1/2/3/0 ms\n",
 )
-ANSWERS = "PASS responses: Zarco (10.64.1.23) replied to 20 of 20 pings, in 2 ms"
+ANSWERS = "PASS answers: Zarco (10.64.1.23) replied to 20 of 20 pings, in 2 ms"
 STRANGER = "02:00:5E:00:01:23"
 NOBODY_LISTENS = 1
 """A port."""

@@ -45,7 +45,7 @@ def test_a_real_tunnel_is_up_then_without_its_server_then_gone(tmp_path: Path) -
         *others, answers = findings(judged)
         assert others == [ROUTER, UP]
         words = (
-            r"PASS server-answers: the VPN server 10\.80\.0\.1 answers 5 of 5 pings through the tunnel, in [\d.]+ ms"
+            r"PASS server-answers: the VPN server 10\.80\.0\.1 replied to 5 of 5 pings through the tunnel, in [\d.]+ ms"
         )
         assert re.fullmatch(words, answers)
         line = judged.evidence[0]

@@ -46,10 +46,10 @@ class Terminal:
 
     def interrupted(self) -> None:
         """Press Ctrl+C until it is heard: one between a prompt and the reading of its answer waits for that answer."""
-        while self.process.poll() is None and "stopped" not in self.seen:
+        while self.process.poll() is None and "interrupted" not in self.seen:
             os.write(self.ours, b"\x03")
             until = time.monotonic() + AGAIN_S
-            while "stopped" not in self.seen and self._told(until):
+            while "interrupted" not in self.seen and self._told(until):
                 more = self._read()
                 if not more:
                     return
@@ -97,7 +97,7 @@ def test_interrupted_checklist_resumes_until_it_is_signed(
     first.interrupted()
     code, said = first.ends()
     assert code == 4, said
-    assert "interrupted by Ctrl-C; results and responses so far are saved" in said
+    assert "interrupted by Ctrl-C; results and answers so far are saved" in said
     assert f"continue with `provision {' '.join(WORDS)}`" in " ".join(said.split()), "it is broken where the line ends"
     again = terminals()
     again.answers("1 of 2 items are complete, 1 are open.", "")

@@ -164,7 +164,7 @@ def test_option_with_a_file_argument_completes_file_names(shell: str, tmp_path: 
     (tmp_path / "answers-of-today.yml").touch()
     with terminal(shell, tmp_path) as opened:
         opened.type("provision check site=coastal --answers ans\t")
-        opened.until(r"--answers responses-of-today.yml $")
+        opened.until(r"--answers answers-of-today.yml $")
 
 
 def test_completion_never_sets_up_the_environment(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def at(tmp_path: Path) -> Iterator[Bench]:
 @pytest.mark.parametrize("serial", [False, True], ids=["ssh", "serial"])
 def test_factory_router_reaches_the_desired_state_in_two_commands(at: Bench, serial: bool) -> None:  # noqa: FBT001
     adopted = at.json(*ADOPT, *at.via(serial), code=0)
-    assert (adopted["status"], adopted["background"]) == ("changed", ") is not in its factory state")
+    assert (adopted["status"], adopted["standing"]) == ("changed", "factory-fresh")
     assert "defconf" not in at.export()
 
     first = at.json(*RUN, "--yes", code=0)
@@ -177,7 +177,7 @@ def test_adopted_router_can_be_upgraded_with_stored_credentials(at: Bench, monke
 
 def test_without_consent_nothing_is_changed(at: Bench) -> None:
     before = at.export()
-    assert "nobody is here to agree" in at.provision(*ADOPT[:-1], code=3)
+    assert "no terminal to confirm" in at.provision(*ADOPT[:-1], code=3)
     assert at.export() == before
     shown = at.provision(*ADOPT[:-1], "--plan", code=2)
     assert "1. set the clock" in shown

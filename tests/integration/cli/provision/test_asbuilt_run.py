@@ -13,7 +13,7 @@ at = pytest.fixture(fresh_quay)
 
 def test_metered_link_needs_consent_before_anything_is_sent(at: Quay) -> None:
     done = at.provision(*HERE, "via=satellite", code=4)
-    assert "the cost was not accepted, so nothing was sent: over satellite of coastal" in done.stderr
+    assert "the cost was not accepted, so nothing was sent: over metered link satellite of coastal" in done.stderr
     assert int(at.do("counters")["connections"]) == 0
     assert not list(at.state.glob("real/coastal/asbuilt/*"))
     paid = at.json(*HERE, "via=satellite", "--accept-cost", code=0)

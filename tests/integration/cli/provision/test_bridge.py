@@ -262,7 +262,7 @@ def test_new_bridge_is_set_up_one_end_after_the_other(tmp_path: Path, family: st
             assert statuses(planned) == {near: "planned", far: "left-as-found"}, said(planned)
             alone = ask(root, state, here, near)
             assert statuses(alone) == {near: "changed", far: "left-as-found"}, said(alone)
-            assert f"{near} is changed. After" in alone[near]["notes"][-1]
+            assert f"only {near} is changed. After" in alone[near]["notes"][-1]
             assert alone[far]["exit"] == 4
         again = ask(root, state, twins, ENDS[0])
         assert statuses(again) == dict.fromkeys(ENDS, "unchanged"), said(again)
@@ -288,7 +288,7 @@ def test_plain_ansible_includes_the_peer_of_a_limited_host(tmp_path: Path) -> No
         variables.write_text(json.dumps(request), encoding="utf-8")
         counts = [_play(root, variables) for _ in range(2)]
     assert "coastal-cpe : ok=2 changed=1" in counts[0], counts[0]
-    assert "; scc-cpe: " in counts[0], "the other end is reported of, too"
+    assert "; scc-cpe: " in counts[0], "the other end is told of, too"
     assert "coastal-cpe : ok=2 changed=0" in counts[1], counts[1]
     store = Store(state, is_rehearsal=True)
     assert [len(store.runs(site)) for site in ("coastal", "scc")] == [2, 2]

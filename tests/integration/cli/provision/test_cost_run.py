@@ -31,7 +31,7 @@ def test_yes_does_not_consent_to_cost(at: Quay) -> None:
     for typed in ((*DEAR, "--yes"), ("plan", *DEAR), (*DEAR, "--yes", "--json")):
         done = at.provision(*typed, code=4)
         told = done.stderr + done.stdout
-        assert "the cost was not accepted, so nothing was sent: over satellite of coastal" in told
+        assert "the cost was not accepted, so nothing was sent: over metered link satellite of coastal" in told
         assert "--accept-cost" in told
         assert " EUR" in told
     at.provision("report", "drift", *DEAR, code=4)
@@ -54,7 +54,7 @@ def test_consented_traffic_is_sent_counted_and_billed(at: Quay) -> None:
     (record,) = records(at)
     assert (record.bearer, record.accepted, record.price) == ("satellite", True, cost["bill"]["price"])
     again = at.provision(*DEAR, "--yes", "--accept-cost", code=0).stdout
-    assert "Traffic: over satellite of coastal, which is metered: up to" in again
+    assert "Traffic: over metered link satellite of coastal: up to" in again
     assert "no changes needed" in again
     # By now the router's own traffic has a better way, and the session with it.
     assert "but its traffic goes over wifi-ptp now" in again
@@ -92,10 +92,10 @@ def test_run_over_a_metered_fallback_link_is_reported_and_needs_consent(at: Quay
     over = (*HERE, "via=wifi-ptp")
     refused = at.json(*over, "--yes", code=4)["devices"][ROUTER]
     assert "wifi-ptp is down" in refused["notes"][-1]
-    assert "the cost was not accepted: over 4g of coastal" in refused["message"]
+    assert "the cost was not accepted: over metered link 4g of coastal" in refused["message"]
     assert "set name=changed" in at.export()
     planned = at.provision("plan", *over, code=2).stdout
-    assert "its traffic goes over 4g now, which is metered: wifi-ptp is down; over 4g" in planned
+    assert "its traffic goes over 4g now, which is metered: wifi-ptp is down; over metered link 4g" in planned
     done = at.json(*over, "--yes", "--accept-cost", code=0)["devices"][ROUTER]
     assert (done["cost"]["bearer"], done["cost"]["declared"]) == ("4g", "wifi-ptp")
 
@@ -129,7 +129,7 @@ def test_rehearsal_shows_the_cost_consent_of_a_real_run(at: Quay) -> None:
     done = at.provision(*HERE, "--rehearse", code=0).stdout
     lines = done.splitlines()
     over = next(number for number, line in enumerate(lines) if "second run over satellite" in line)
-    assert "a real run needs your consent: over satellite of coastal, which is metered: about" in lines[over + 1]
+    assert "a real run needs your consent: over metered link satellite of coastal: about" in lines[over + 1]
     assert lines[over + 2].strip().startswith("and costs: ")
     told: dict[str, Any] = json.loads(at.provision(*HERE, "--rehearse", "--json", code=0).stdout)
     bearers = told["devices"][ROUTER]["bearers"]

@@ -46,7 +46,7 @@ def tinker(at: Quay) -> None:
     rules = "/ip/firewall/filter"
     types(at, f"{rules}/set", f"=.id={row(at, rules, 'atlantis: ping from management')}", "=disabled=yes")
     types(at, f"{rules}/set", f"=.id={row(at, rules, 'atlantis: ntp1.atlantis.internal')}", "=dst-address=10.9.9.9")
-    wifi, known = row(at, rules, "atlantis: ping over wifi-ptp, to test it"), row(at, rules, "atlantis: responses")
+    wifi, known = row(at, rules, "atlantis: ping over wifi-ptp, to test it"), row(at, rules, "atlantis: answers")
     types(at, f"{rules}/move", f"=numbers={wifi}", f"=destination={known}")
     types(at, f"{rules}/add", "=chain=input", "=action=accept", "=src-address=10.9.9.9", "=comment=only for today")
     types(at, f"{rules}/remove", f"=.id={row(at, rules, 'atlantis: LAN by the best link')}")
@@ -119,7 +119,7 @@ def test_newer_inventory_is_distinguished_from_a_changed_device(at: Quay) -> Non
     site.write_text(text.replace("last: 10.64.1.199", "last: 10.64.1.180"), encoding="utf-8")
     told = masked(at.provision("report", "drift", "site=coastal", code=6).stdout)
     assert "ranges: inventory 10.64.1.100-10.64.1.180, device 10.64.1.100-10.64.1.199" in told
-    assert "declared (atlantis: LAN); unchanged in run RUN: the inventory is newer" in told
+    assert "declared (atlantis: LAN); already so in run RUN: the inventory is newer" in told
     assert "history of the device:" not in told
 
 

@@ -99,8 +99,8 @@ FIRST_CONTACT: dict[str, tuple[str, ...]] = {
 }
 TRUST = ("device", "trust", "site=coastal", f"device={ROUTER}", f"device={GATEWAY}")
 NO_DEVICE: dict[str, str] = {
-    "plan apply": "it is a run of a plan that was saved: what a device says is reported as `run` tells it",
-    "inventory init": "it makes files of responses, and contacts nobody",
+    "plan apply": "it is a run of a plan that was saved: what a device says is told as `run` tells it",
+    "inventory init": "it makes files of answers, and contacts nobody",
     "inventory doctor": "it looks at this laptop, and at a certificate; nobody logs in",
     "inventory validate": "it reads the inventory, and contacts nobody",
     "measure fit": "it reckons with the inventory and with files of this computer, and contacts nobody",
@@ -120,8 +120,8 @@ NO_DEVICE: dict[str, str] = {
     "robot dds": "it makes files of the inventory, and contacts nobody",
     "gateway image": "it reads the vendor's file and a card; a card's name: tests/unit/cli/commands/test_printable.py",
     "vpn init": "it makes an authority, and contacts nobody",
-    "robot invite": "what the server of the VPN says is reported as `vpn onboard` tells it",
-    "robot dismiss": "what the server of the VPN says is reported as `vpn revoke` tells it",
+    "robot invite": "what the server of the VPN says is told as `vpn onboard` tells it",
+    "robot dismiss": "what the server of the VPN says is told as `vpn revoke` tells it",
     "vpn accept": "it opens a file of the authority, and contacts nobody",
     "recover": "it lists runs of this computer, and contacts nobody",
     "help completion": "it says what is installed",

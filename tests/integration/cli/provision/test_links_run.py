@@ -70,7 +70,7 @@ def test_metered_link_needs_consent_before_anything_is_sent(berth: Quay) -> None
     assert "--accept-cost" in refused.stderr
     assert berth.do("counters")["turns"] == 0
     agreed = berth.provision("links", *ONLY, "via=4g", "--accept-cost", code=NOT_ASKED)
-    assert "over 4g of coastal, which is metered" in agreed.stdout
+    assert "over metered link 4g of coastal" in agreed.stdout
     assert berth.do("counters")["turns"] > 0
 
 

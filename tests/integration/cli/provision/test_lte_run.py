@@ -101,15 +101,15 @@ def test_unit_is_pinned_configured_and_then_unchanged(at: tuple[Path, RunningRut
         return dict(told["devices"][NAME])
 
     # It stands behind a router that is reached over the satellite.
-    assert "nobody has agreed to pay" in provision(inventory, state, *ONLY, "--yes", "--json", code=4)
+    assert "the cost was not accepted" in provision(inventory, state, *ONLY, "--yes", "--json", code=4)
     pins = Store(state).pins
     for flag in ("plan", "--yes"):
-        assert "its certificate is unknown here, so it was reported no password" in typed(flag, code=4)["message"]
+        assert "unknown certificate; no password was sent" in typed(flag, code=4)["message"]
     assert (pins.get(NAME), running.unit.export()) == (None, before)
     pins.change(NAME, running.ready["pin"])  # as `provision device trust` does
     for flag in ("plan", "--yes"):
         refused = typed(flag, code=4)
-        assert "its SSH host key is unknown here, so it was reported no password" in refused["message"]
+        assert "unknown SSH host key; no password was sent" in refused["message"]
         assert refused["hint"].startswith("`provision device trust site=te4sea ")
     assert (pins.host_key(NAME), running.unit.export()) == (None, before)
     pins.change_host_key(NAME, running.ready["host_key"])
@@ -155,7 +155,7 @@ def test_plain_ansible_configures_the_unit_too(at: tuple[Path, RunningRutos], tm
         check=False,
     )
     assert refused.returncode != 0
-    assert "its certificate is unknown here" in " ".join(refused.stdout.split())
+    assert "unknown certificate; no password was sent" in " ".join(refused.stdout.split())
     file = inventory / "host_vars" / f"{NAME}.yml"
     known = f"    fingerprint: {running.ready['pin']}\n    host_key: {running.ready['host_key']}\n"
     declared = file.read_text("utf-8")

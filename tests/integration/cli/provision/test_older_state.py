@@ -130,7 +130,7 @@ def test_old_authority_can_be_listed_audited_and_used(older: Path, tmp_path: Pat
     typed(older, *revoke, passphrase=True, code=5)
     typed(older, "vpn", "renew", "name=coastal-gateway", "--no-push", *words, passphrase=True, code=0)
     members = json.loads(typed(older, "vpn", "list", words[0], "--json", code=0))["members"]
-    assert {row["name"] for row in members if row["background"] == "revoked"} == {"udg-girona", "inesc-camera"}
+    assert {row["name"] for row in members if row["standing"] == "revoked"} == {"udg-girona", "inesc-camera"}
     head = older / "vpn" / "authority" / "ledger.head"
     assert json.loads(head.read_text("utf-8"))["line"] > 0
     typed(older, "vpn", "audit", words[0], code=0)

@@ -45,7 +45,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 def test_prove_needs_cost_consent_and_leaves_nothing_behind(at: Quay) -> None:
     before = at.export()
     refused = at.provision("measure", "satellite", "site=coastal", "link=satellite", code=4)
-    assert "the cost was not accepted, so nothing was sent: over satellite of coastal" in refused.stderr
+    assert "the cost was not accepted, so nothing was sent: over metered link satellite of coastal" in refused.stderr
     told = at.json("measure", "satellite", "site=coastal", "--accept-cost", code=6)
     found = {row["target"]: (row["outcome"], row["verdict"]) for row in told["targets"]}
     assert found[STRANGER] == ("refused here", "PASS")
@@ -60,7 +60,7 @@ def test_prove_needs_cost_consent_and_leaves_nothing_behind(at: Quay) -> None:
     assert 0 < opened["bytes_counted"] < opened["budget_bytes"]
     assert opened["cost"]["payload_bytes"] == opened["bytes_counted"]
     dear = at.provision("measure", "satellite", "site=coastal", "via=4g", code=4)
-    assert "the cost was not accepted, so nothing was sent: over 4g" in dear.stderr
+    assert "the cost was not accepted, so nothing was sent: over metered link 4g" in dear.stderr
     assert at.export().splitlines() == before.splitlines()
 
 

@@ -51,7 +51,7 @@ def test_plan_of_an_unreachable_router_reports_only_that(at: Quay) -> None:
 def test_site_checks_fail_before_and_pass_after_a_run(at: Quay) -> None:
     found = _checks(at)
     assert found.returncode == 1
-    assert re.search(r"1\d\d differences from the declaration", found.stdout)
+    assert re.search(r"1\d\d differences from the inventory", found.stdout)
     at.provision("site=coastal", "--yes", code=0)
     found = _checks(at)
     assert (found.returncode, "1 passed" in found.stdout) == (0, True), found.stdout
@@ -175,7 +175,7 @@ def test_plain_ansible_and_check_mode_agree_with_provision(at: Quay) -> None:
     assert "changed=1" in done.stdout
     again = _ansible(at)
     assert "changed=0" in again.stdout
-    assert "WARN: not checked at the terminal coastal-sat" in " ".join((again.stdout + again.stderr).split())
+    assert "WARN: terminal coastal-sat not inspected yet" in " ".join((again.stdout + again.stderr).split())
 
 
 def _ansible(at: Quay, *flags: str) -> subprocess.CompletedProcess[str]:

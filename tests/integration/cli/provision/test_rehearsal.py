@@ -83,7 +83,7 @@ def test_computer_without_an_emulator_is_reported_as_not_rehearsed(host: str, tm
 
 def test_terminal_alone_gets_a_warning_only(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=coastal", "device=coastal-sat", "--rehearse", code=0)
-    assert "WARN: not checked at the terminal coastal-sat" in done.stdout
+    assert "WARN: terminal coastal-sat not inspected yet" in done.stdout
     assert "not supported yet" not in done.stdout
 
 

@@ -124,7 +124,7 @@ def test_plan_options_require_plan(at: Quay, tmp_path: Path) -> None:
     assert "add `--plan`" in at.provision("site=coastal", "--save", str(tmp_path / "x"), "--yes", code=3).stderr
     assert "add `--plan`" in at.provision("site=coastal", "--summary", "--yes", code=3).stderr
     done = at.provision("plan", "site=coastal", "--save", str(tmp_path / "no" / "x"), code=3)
-    assert "there is not a folder" in done.stderr
+    assert "no such folder: " in done.stderr
     assert at.export() == before
 
 

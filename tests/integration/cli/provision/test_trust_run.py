@@ -16,7 +16,7 @@ from atlantis_netcfg.runs import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
-UNKNOWN = "its certificate is unknown here, so it was reported no password"
+UNKNOWN = "unknown certificate; no password was sent"
 OPENING: dict[str, tuple[str, ...]] = {
     "plan": ("plan", "site=coastal"),
     "change": ("site=coastal", "--yes"),
@@ -65,7 +65,7 @@ def test_no_password_is_sent_to_an_unknown_device(
         told = done.stdout + done.stderr
         assert "the certificate is not the one of this device" in told if known else UNKNOWN in told
         assert "provision device trust site=coastal" in told or name == "check"
-    assert nobody.handshakes >= 2, "it was contacted, and reported nothing all the same"
+    assert nobody.handshakes >= 2, "it was contacted, and told nothing all the same"
     assert bytes(nobody.heard) == b""
     assert trusted(at) == (at.twins.ready[ROUTER]["pin"] if known else None)
 

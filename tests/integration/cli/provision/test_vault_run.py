@@ -58,7 +58,7 @@ def test_missing_vault_password_gives_one_error_with_the_options(tmp_path: Path,
     done = typed(_inventory(tmp_path), words)
     assert (done.returncode, done.stdout) == (3, "")
     assert done.stderr.splitlines() == [
-        "error: secrets of the inventory are encrypted, and no such playbook: password for them",
+        "error: secrets of the inventory are encrypted, and there is no password for them",
         "       name the file that holds it: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
         "       or type it: the same command with `--ask-vault-pass`, on a terminal",
     ]

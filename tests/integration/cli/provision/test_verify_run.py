@@ -66,7 +66,7 @@ at = pytest.fixture(fresh_quay)
 def test_router_is_verified_unchanged_and_result_is_saved(at: Quay) -> None:
     before = at.export()
     dear = at.provision("device", "verify", "device=coastal-router", "via=4g", code=4)
-    assert "the cost was not accepted, so nothing was sent: over 4g" in dear.stderr
+    assert "the cost was not accepted, so nothing was sent: over metered link 4g" in dear.stderr
     read = at.json("device", "verify", "device=coastal-router", code=0)
     assert (read["tried"], read["rehearsed"]) == (False, False)
     tried = at.json("device", "verify", "device=coastal-router", "--try", code=0)

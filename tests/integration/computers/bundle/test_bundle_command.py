@@ -172,8 +172,8 @@ def test_unavailable_package_lists_are_reported(mirror: str, tmp_path: Path, pro
         (
             ["device=coastal-router"],
             (
-                "`coastal-router`: no gateway, control centre or operator station is selected, and bundles are only for "
-                "these"
+                "`coastal-router`: no gateway, control centre or operator station is selected, "
+                "and bundles are only for these"
             ),
         ),
         (["check=/none"], "/none is no bundle, or not a whole one"),
@@ -192,7 +192,7 @@ def test_example_values_are_refused(tmp_path: Path, provision: Callable[..., Sai
     shutil.copytree(ROOT / "inventory", tmp_path / "inventory")
     done = provision("status=/none")
     assert done.returncode == 3
-    assert done.stderr.startswith("error: the inventory still holds example values")
+    assert done.stderr.startswith("error: the inventory still contains example values")
 
 
 def test_package_status_of_the_board_is_read_over_ssh(
@@ -234,5 +234,5 @@ def test_package_status_is_read_from_an_image(tmp_path: Path, packed: bool) -> N
         replace(host, device=host.device.model_copy(update={"image": plain})), image, lambda _done, _total: None
     )
     assert (target.title, target.installed_packages["chrony"]) == ("ubuntu focal arm64", "3.5")
-    with pytest.raises(UsageError, match="is not of layout `odroid-n2`"):
+    with pytest.raises(UsageError, match="does not have layout `odroid-n2`"):
         from_image(host, image, lambda _done, _total: None)

@@ -197,7 +197,7 @@ def test_source_with_an_invalid_key_is_refused(
 def test_another_release_than_the_declared_one_is_refused(laptop: Laptop) -> None:
     wish = replace(laptop.wish(laptop.archive(PACKAGES), "chrony"), distribution="ubuntu", codename="jammy")
     assert refusal(laptop, wish) == [
-        f"{HOST}: the inventory says what needs ubuntu jammy, and its system is ubuntu focal arm64"
+        f"{HOST}: what is declared needs ubuntu jammy, and its system is ubuntu focal arm64"
     ]
 
 

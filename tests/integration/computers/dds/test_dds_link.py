@@ -43,7 +43,7 @@ SHIPPED = Path(__file__).parents[4] / "inventory"
 PROGRAM = Path(__file__).with_name("programs") / "python_peer.py"
 GATEWAY, CENTRE, ROUTER = "coastal-gateway", "scc-control", "router"
 WIFI, SATELLITE = "wifi-ptp", "satellite"
-KEPT_OFF = "DDS, blocked this link"
+KEPT_OFF = "DDS, kept off this link"
 _EVERY_S, _REMEMBERED_S, _ANNOUNCE_S = 1, 3, 2
 
 

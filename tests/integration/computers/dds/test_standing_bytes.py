@@ -44,7 +44,7 @@ RELIABLE, RELIABLE_DOMAIN = SteadyTopic(1.0, 32, reliable=True), 10
 _WORD_HZ, _WORD_BYTES = 2.0, 20
 """Of `python_peer.py`: a header of CDR, a length, and a word of up to twelve characters."""
 _COUNT = """\
-table ip background {
+table ip standing {
   counter up {}
   counter down {}
   chain out { type filter hook output priority 0; oifname "eth0" counter name up; }
@@ -85,7 +85,7 @@ class Counted:
 
 
 def read(made: Vpn, name: str) -> int:
-    said = made.run(GATEWAY, "nft", "list", "counter", "ip", "background", name)
+    said = made.run(GATEWAY, "nft", "list", "counter", "ip", "standing", name)
     return int(re.findall(r"bytes (\d+)", said)[0])
 
 

@@ -66,7 +66,7 @@ def test_container_runs_from_the_pinned_archive_and_is_removed_cleanly(stand: St
     told = stand.run()
     assert (told["status"], told["exit"]) == ("changed", 0), told["message"]
     assert "EXAMPLE-word of two" not in (stand.folder / "said").read_text()
-    assert stand.run()["changes"] == [], "no item of the checklist is left"
+    assert stand.run()["changes"] == [], "nothing is left"
 
     process = inside(gateway)
     group = gateway.run(f"cat /proc/{process}/cgroup").stdout

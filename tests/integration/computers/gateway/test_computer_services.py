@@ -55,7 +55,7 @@ s = socket.create_connection(("192.0.2.1", 18082), 1, ("{source}", 0)); print(s.
 def test_service_runs_is_reachable_as_declared_and_is_removed(stand: Stand) -> None:
     told = stand.run()
     assert (told["status"], told["exit"]) == ("changed", 0), told["message"]
-    assert stand.run()["changes"] == [], "no item of the checklist is left"
+    assert stand.run()["changes"] == [], "nothing is left"
     gateway = stand.gateway
     assert gateway.run(f"systemctl show --property User --value {UNIT}").stdout.strip() == "svc-backend"
     assert gateway.run("stat -c '%U %a' /var/lib/svc-backend").stdout.strip() == "svc-backend 750"

@@ -94,7 +94,7 @@ def test_gateway_queries_share_one_ssh_connection(
         "held": Trouble.BUSY,
         "vehicle": Trouble.BUSY,
     }
-    assert found["held"].words.startswith(f"{CONSOLE} is in use by ")
+    assert found["held"].words.startswith(f"{CONSOLE} is held by ")
     assert found["dhcp"] == DhcpOffers(None)
 
     target = Target(host="127.0.0.1", port=gateway.port, known_hosts=known, identity=str(technician.file))

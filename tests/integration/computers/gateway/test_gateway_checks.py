@@ -96,6 +96,6 @@ def test_each_check_detects_only_its_own_violation(stand: Stand) -> None:
     stand.known.write_text(f"{NAME} {OTHER_KEY}\n")
     unknown = checked(stand, "-k", "room or chrony", user=ACCOUNT)
     assert len(unknown) == 4
-    refused = "coastal-gateway is unreachable: it shows another SSH host key than before"
+    refused = "coastal-gateway is unreachable: it shows a different SSH host key than before"
     assert all(refused in words for words in unknown.values())
     assert all("`ssh-keygen -R coastal-gateway`" in words for words in unknown.values())

@@ -115,7 +115,7 @@ def test_clock_ten_years_off_is_corrected(technician: Key, tmp_path: Path) -> No
         assert guest.run("systemctl is-active chrony nftables").stdout == "active\nactive\n"
         assert stand.run()["changes"] == []
         stand.declare({"watchdog_s": 30}, f"host_vars/{NAME}.yml", "device")
-        assert 'echo "this board has no watchdog (/dev/watchdog0)' in stand.run()["message"]
+        assert "this board has no watchdog" in stand.run()["message"]
         guest.run("sync")
     with held_port() as port, booted(tmp_path, disk, host_key, technician, port) as guest:
         assert "tcp dport 22 accept" in guest.run("nft list ruleset").stdout

@@ -175,7 +175,7 @@ def test_interop_is_built_once_per_revision_and_runs_over_the_vpn(interop: Inter
     renewed = stand.run()
     assert renewed["changes"][-1] == f"unit {SERVICE} restarted"
     assert renewed["notes"][-1].startswith(
-        "INCONCLUSIVE: example-robot ran for 15 s without an error; whether TEST_ROBOT"
+        "INCONCLUSIVE: example-robot ran for 15 s without an error; only a person at the SCC can see whether TEST_ROBOT"
     )
     assert interop.key("previous") == first != interop.key()
     interop.until(f"journalctl -o cat -u {SERVICE} | tail -n 1 | grep -q 'library, v2'")

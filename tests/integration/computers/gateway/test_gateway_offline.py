@@ -92,7 +92,7 @@ def test_unprivileged_account_transfers_and_metered_link_needs_consent(quay: Qua
     quay.variables |= {"ansible_user": "odroid", "ansible_become": True, "computer_reached": {"metered": "4g"}}
     code, said = quay.run()
     assert code == 2
-    assert "of the bundle would go over 4g, which is metered" in said
+    assert "of the bundle would go over metered link 4g, and nobody has consented to the cost" in said
     quay.variables["atlantis_accept_cost"] = True
     code, said = quay.run(install(PACKAGES))
     assert code == 0, said

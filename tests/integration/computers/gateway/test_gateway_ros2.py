@@ -88,7 +88,7 @@ def test_wrong_system_expired_key_or_empty_archive_changes_nothing(ros: Ros, tmp
     archive = publish(tmp_path / "archive", ros_packages("foxy"), codename="focal", architectures=("arm64",))
     ros.declare(archive)
     told = ros.stand.run()
-    assert "focal has nothing for amd64, the architecture of this computer" in told["message"]
+    assert "focal has no packages for amd64, this computer's architecture" in told["message"]
     assert ros.stand.gateway.run(f"ls {SOURCE}", check=False).stdout == ""
 
     ros.stand.gateway.put("/etc/os-release", UBUNTU.replace("focal", "jammy"))

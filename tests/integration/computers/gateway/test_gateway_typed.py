@@ -105,7 +105,9 @@ def test_plan_run_and_repeated_run_are_consistent(typed: Typed, ground: Lab) -> 
     for flag in ("plan", "--yes"):
         refused = typed.provision(ground, flag, "--offline", bundle)
         assert (refused["exit"], refused["devices"][NAME]["status"]) == (4, "left-as-found"), refused["errors"]
-        assert "its SSH host key is not the declared one, or is unknown here" in refused["devices"][NAME]["message"]
+        assert (
+            "its SSH host key differs from the inventory, or is not known here" in refused["devices"][NAME]["message"]
+        )
         assert "provision device trust site=coastal" in refused["devices"][NAME]["hint"]
         assert typed.known.read_text() == "", "it was not taken over"
     typed.known.write_text(known)

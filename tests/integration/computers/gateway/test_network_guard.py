@@ -20,7 +20,7 @@ SAMPLED = pytest.mark.parametrize(
     "by", ["netplan", *(pytest.param(by, marks=pytest.mark.campaign) for by in ("ifupdown", "networkd"))]
 )
 """Each of them waits out three roll-backs: a minute."""
-ROLLED_BACK = "the network change was rolled back, and everything is as before:"
+ROLLED_BACK = "the network change was rolled back, and everything is as before"
 
 
 def settled(stand: NetworkStand, by: str) -> dict[str, Any]:

@@ -118,7 +118,9 @@ def test_declared_packages_are_installed_and_second_run_is_unchanged(board: Boar
     assert board.run("one=2.0", check=True)["changes"] == board.run("one=2.0")["changes"] == ["package one 2.0"]
     assert "one: version 3* is not available; available: 2.0, 1.0" in board.run("one=3*")["msg"]
     dear = board.run("large", limit_bytes=100_000, limit_words="satellite, by the byte")
-    assert "1 packages of 6.1 MB would be downloaded; 100 kB are agreed (satellite, by the byte)" in dear["msg"]
+    assert (
+        "1 packages of 6.1 MB would be downloaded; the accepted limit is 100 kB (satellite, by the byte)" in dear["msg"]
+    )
     assert "--accept-cost" in dear["hint"]
 
 

@@ -55,7 +55,7 @@ def test_transfer_is_complete_survives_a_cut_and_repairs_damage(
     assert told["tries"] >= 1
     sent = pair.sent() - start
     assert 3 * MB < sent < 3 * MB * 1.3, "what had arrived was not sent again"
-    assert sent <= told["wire_bytes"] * 1.05, "what is reported is not less than what the interface has counted"
+    assert sent <= told["wire_bytes"] * 1.05, "what is told is not less than what the interface has counted"
     there = pair.digests(pair.centre, KEPT)
     assert there == {name: digest for name, digest in before.items() if not name.startswith("bag-2")}
     assert pair.digests(pair.gateway, FOLDER) == before, "nothing is removed or changed at the source"

@@ -114,7 +114,7 @@ def test_image_only_touches_no_card(desk: Desk, tmp_path: Path) -> None:
     assert file.stat().st_blocks * 512 < file.stat().st_size
     again, _, err = desk.type("--image-only", str(file))
     assert again == 3
-    assert "is there already" in err
+    assert "already exists" in err
     assert desk.untouched
     assert desk.receipts == []
 
@@ -123,7 +123,7 @@ def test_example_values_make_an_image_and_no_card(desk: Desk, tmp_path: Path) ->
     desk.words[0] = f"inventory={SHIPPED}"
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 3
-    assert "still holds example values" in err
+    assert "still contains example values" in err
     assert desk.untouched
     assert desk.type("--image-only", str(tmp_path / "spare.img"))[0] == 0
 

@@ -151,7 +151,7 @@ def campaign(  # noqa: PLR0913 - each is a choice of who runs it
         heard = _dds_samples(made, folder, grid, patience_s)
         up, down = _counted(made, "up"), _counted(made, "down")
     idle = train_figures(samples, "idle")
-    assert idle.rtt is not None, "no responses through the tunnel"
+    assert idle.rtt is not None, "nothing was answered through the tunnel"
     return Campaign(
         at=datetime.now(UTC),
         cell_s=cell_s,
@@ -234,7 +234,7 @@ def main() -> None:
     words.add_argument("--cell-s", type=float, default=60.0, help="how long each cell is sent (60)")
     words.add_argument("--idle-s", type=float, default=60.0, help="how long the link is measured without load (60)")
     words.add_argument("--profile", help="a measured run (its folder or profile.json) in place of the assumed link")
-    words.add_argument("--write", action="store_true", help="add docs/engineers/satcom.md and its pictures")
+    words.add_argument("--write", action="store_true", help="write docs/engineers/satcom.md and its pictures")
     chosen = words.parse_args()
     shapes, link = CERTUS, ""
     if chosen.profile is not None:

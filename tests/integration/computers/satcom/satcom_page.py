@@ -33,7 +33,7 @@ files, Cyclone DDS with the profile of `provision robot dds`, and test packets o
 a relay. Measured on {day} by `make satcom`, on a computer with other work.
 """
 _IMAGES = """\
-Random octets, as many as a JPEG of that size and quality may have. Nothing is sent again: an image of the shell
+Random octets, as many as a JPEG of that size and quality may have. Nothing is sent again: an image of which one
 fragment is lost is lost, so where packets are lost, large images seldom arrive whole, at any rate.
 """
 _AGAIN = """\
@@ -176,7 +176,7 @@ def _samples(done: Campaign, kind: str) -> Iterator[str]:
 
 
 def _percent(share: float | None) -> str:
-    return "unknown" if share is None else f"{100 * share:.1f} %"
+    return "not known" if share is None else f"{100 * share:.1f} %"
 
 
 def _seconds(value: float | None) -> str:

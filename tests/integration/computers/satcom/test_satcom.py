@@ -40,7 +40,7 @@ def test_the_campaign_shortened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert len(heard) >= 0.6 * sent, "an image in fragments is lost with one of them"
     assert min(heard) >= CERTUS[0].delay_s
     on_the_wire = sum(cell.messages * cell.octets * 2 for cell in grid)
-    assert done.up_bytes > on_the_wire, "as packets and as samples, radius the tunnel them"
+    assert done.up_bytes > on_the_wire, "as packets and as samples, the tunnel around them"
     lines = page(done)
     assert any("emulated" in line for line in lines[:6])
     assert sum(line.startswith("| 128 B ") for line in lines) == 2

@@ -255,7 +255,7 @@ def test_inconsistent_failover_state_is_corrected() -> None:
     quay = world()
     left = quay.canaries("wifi-ptp")
     for canary in left:
-        quay.run(f'/ip route set [find comment="atlantis: wifi-ptp, while {canary} responses"] distance=110')
+        quay.run(f'/ip route set [find comment="atlantis: wifi-ptp, while {canary} answers"] distance=110')
     quay.passes(FAIL_BACK_S + BACK_LATER_S)
     assert quay.order() == ["wifi-ptp", "4g", "wifi-ptp"]
     quay.lose("4g")

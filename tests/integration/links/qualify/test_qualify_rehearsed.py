@@ -41,7 +41,7 @@ def test_inactive_link_is_measured_and_counted_separately(tmp_path: Path) -> Non
     assert [counts[name]["port_bytes_up"] for name in ("wifi-ptp", "4g")] == [0, 0]
     judged = {each["criterion"]: each for each in link["judged"]}
     assert judged["FTD, round trip, 95 %"]["verdict"] == "PASS"
-    assert 0.7 <= judged["FTD, round trip, 95 %"]["measured"] < 0.9, "the the inventory says link with 700 ms"
+    assert 0.7 <= judged["FTD, round trip, 95 %"]["measured"] < 0.9, "the link is declared with 700 ms"
     assert (run["path_mtu_up"], run["path_mtu_both"]) == (1500, 1500)
     folder = tmp_path / "rehearsal" / "coastal" / "qualify" / run["id"]
     assert folder.samefile(link["folder"])
@@ -117,17 +117,21 @@ def test_every_requested_link_has_a_result_after_the_limit_is_used_up(tmp_path: 
     [
         (("site=coastal", "--rehearse"), 7, "`coastal` has several links"),
         (("site=coastal", "link=5g", "--rehearse"), 7, "type one of: link=wifi-ptp, link=4g, link=satellite, link=all"),
-        (("site=coastal", "link=all", "--max-eur", "1", "--rehearse"), 3, "declare `billing` of bearer `4g`"),
-        (("site=coastal", "link=4g", "--max-mb", "nothing"), 3, "that is not a number above 0"),
+        (
+            ("site=coastal", "link=all", "--max-eur", "1", "--rehearse"),
+            3,
+            "set `billing` of link `4g` in group_vars/coastal.yml in the inventory",
+        ),
+        (("site=coastal", "link=4g", "--max-mb", "nothing"), 3, "not a number above 0"),
         (("site=coastal", "link=4g", "far=router.example.net", "--rehearse"), 3, "type it like `far=192.0.2.7:862`"),
         (("site=coastal", "link=4g", "far=192.0.2.7", "over=vpn", "--rehearse"), 3, "remove `over=vpn`"),
         (("site=coastal", "link=4g", "far=192.0.2.7", "profile=all", "--rehearse"), 3, "type `profile=telemetry`"),
         (
             ("site=coastal", "link=satellite", "far=192.0.2.7", "--rehearse"),
             7,
-            "set it below  in the inventory`allow` of that link",
+            "add it under `allow` of that link",
         ),
-        (("site=coastal", "link=4g"), 3, "still holds example values"),
+        (("site=coastal", "link=4g"), 3, "still contains example values"),
         (("site=coastal", "link=4g", "profile=videos"), 3, "telemetry, images, throughput, all"),
     ],
 )

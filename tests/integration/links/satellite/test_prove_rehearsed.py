@@ -47,7 +47,7 @@ def test_the_filter_is_closed_again_after_it_was_opened(tmp_path: Path) -> None:
     done = provision(tmp_path, "site=coastal", "--open-filter", "--rehearse", code=6)
     assert f"({STRANGER}) is refused by the router; nothing was sent" in done.stdout
     assert f"({STRANGER}) did not respond, but nothing else was reached" in done.stdout
-    assert "a real test asks first: over satellite of coastal" in done.stdout
+    assert "a real test asks first: over metered link satellite of coastal" in done.stdout
 
 
 @pytest.mark.slow
@@ -114,7 +114,7 @@ def test_proof_applies_only_to_its_link_and_mode(tmp_path: Path) -> None:
 def test_hint_of_a_rehearsal_rehearses(tmp_path: Path) -> None:
     told = json.loads(provision(tmp_path, "site=coastal", "--rehearse", "--json", code=6).stdout)
     hints = {row["hint"] for row in told["targets"] if row["outcome"] == "not tested"}
-    assert hints == {"`provision measure satellite site=coastal --try-all --rehearse` tries it"}
+    assert hints == {"`provision measure satellite site=coastal --try-all --rehearse` tests it"}
 
 
 def test_impossible_proof_is_refused_before_contacting_a_device(tmp_path: Path) -> None:
@@ -122,4 +122,4 @@ def test_impossible_proof_is_refused_before_contacting_a_device(tmp_path: Path) 
     assert "no satellite link `4g`" in provision(tmp_path, "site=coastal", "link=4g", code=7).stderr
     assert "example values" in provision(tmp_path, "site=coastal", code=3).stderr
     missing = provision(tmp_path, "site=coastal", "--rehearse", "backup=missing.bin", code=3)
-    assert "the backup missing.bin cannot be read" in missing.stderr
+    assert "cannot read the backup missing.bin" in missing.stderr

@@ -178,7 +178,7 @@ def test_declared_flow_continues_over_the_satellite(built: Stage) -> None:
 
 def test_responses_of_declared_targets_are_accepted(built: Stage) -> None:
     assert answered(built)
-    assert built.packets("atlantis: responses of VPN server") == 1
+    assert built.packets("atlantis: answers of VPN server") == 1
 
 
 def test_no_connection_can_be_opened_from_the_satellite(built: Stage) -> None:
@@ -239,7 +239,7 @@ def test_drops_are_counted_and_a_sample_is_logged(built: Stage) -> None:
             send_udp(client, *STRANGER)
     assert built.packets(DROP) == 60
     # The limit's burst of five, and what ten a minute add while sixty packets are sent.
-    assert 5 <= built.packets("atlantis: what is blocked, a sample") < 60
+    assert 5 <= built.packets("atlantis: what is kept off, a sample") < 60
 
 
 def _sentinel(made: Stage) -> bytes:

@@ -152,7 +152,7 @@ def test_selected_devices_are_queried(coastal: Bench) -> None:
     assert report.exit is ExitCode.DONE
     radios = coastal.report(NEAR)
     assert set(radios.queried_devices) == {NEAR, FAR}
-    assert radios.as_text().endswith("is unknown: the router was not read")
+    assert radios.as_text().endswith("is not known: the router was not read")
 
 
 def test_selection_without_readable_devices_knows_nothing(coastal: Bench) -> None:

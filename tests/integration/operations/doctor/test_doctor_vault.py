@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
             None,
             ("--json",),
             "INCONCLUSIVE",
-            "secrets of the inventory are encrypted, and no such playbook: password for them",
+            "secrets of the inventory are encrypted, and there is no password for them",
         ),
         ("not this", ("--json", "--ask-vault-pass"), "FAIL", "this secret cannot be decrypted, nor "),
         (_VAULT_PASSWORD.decode(), ("--json", "--ask-vault-pass"), "PASS", "the password decrypts all "),
@@ -39,6 +39,6 @@ def test_vault_password_verdict(
 
 def test_vault_password_is_requested_once_on_a_terminal(tmp_path: Path) -> None:
     done = typed(_inventory(tmp_path), ("doctor",), _VAULT_PASSWORD.decode())
-    assert "  PASS vault               the password opens all " in done.stdout
+    assert "  PASS vault               the password decrypts all " in done.stdout
     assert done.stderr.count(QUESTION.decode()) == 1
     _left_nowhere(tmp_path, done)

@@ -94,6 +94,6 @@ def test_radio_of_the_new_driver_is_disabled_too(tmp_path: Path) -> None:
 def test_cpe_without_a_radio_driver_is_refused_unchanged(tmp_path: Path) -> None:
     with boxed(tmp_path, packages=("routeros",)) as box:
         before = box.export()
-        with pytest.raises(PreflightError, match=r"since 7.13 `wireless` is a separate package"):
+        with pytest.raises(PreflightError, match=r"since 7\.13 `wireless` is a separate package"):
             box.adopt()
         assert box.export() == before

@@ -228,7 +228,7 @@ def test_a_result_is_json(tmp_path: Path) -> None:
     assert data["status"] == "changed"
     assert data["planned"] == data["confirmed"] == result.planned_count
     assert set(data["bytes"]) == {"sent", "received"}
-    assert data["protection"] == "safe mode and a scheduler job"
+    assert data["protection"] == "safe-mode"
 
 
 def test_every_result_reports_an_unknown_newer_routeros(tmp_path: Path) -> None:
@@ -244,6 +244,6 @@ def test_every_result_reports_an_unknown_newer_routeros(tmp_path: Path) -> None:
     for result in results:
         told = [note for note in result.as_dict()["notes"] if "is newer than the newest known version," in note]
         assert len(told) == 1
-        assert told[0].startswith(f"RouterOS 7.25 is newer than anything known here, which ends at {NEWEST_KNOWN}: ")
+        assert told[0].startswith(f"RouterOS 7.25 is newer than the newest known version, {NEWEST_KNOWN}: ")
     for result in on(Bench(tmp_path / "known", spec={"version": str(NEWEST_KNOWN)}), act):
         assert not [note for note in result.notes if "newer" in note]

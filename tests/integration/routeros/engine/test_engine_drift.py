@@ -100,7 +100,7 @@ def test_incomparable_state_is_refused_with_a_reason(tmp_path: Path) -> None:
 
     result = on(Bench(tmp_path), act)
     assert (result.status, result.exit) == (Status.REFUSED, 4)
-    assert "no such playbook: ether99" in result.message
+    assert "ether99 does not exist in" in result.message
 
 
 def test_drift_works_without_safe_mode(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_holder_of_safe_mode_is_reported(tmp_path: Path) -> None:
 
     result = on(Bench(tmp_path), act)
     assert result.status is Status.DRIFTED
-    assert any("holds safe mode" in note and "may yet be rolled back" in note for note in result.notes)
+    assert any("holds safe mode" in note and "may still be rolled back" in note for note in result.notes)
 
 
 def test_only_a_successful_run_saves_the_confirmed_state(tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ def test_unwritable_state_folder_is_reported_and_keeps_the_outcome(tmp_path: Pat
     bench = Bench(tmp_path)
     result = on(bench, act)
     assert result.status is Status.CHANGED
-    assert any("the confirmed state is not writable" in note for note in result.notes)
+    assert any("the confirmed state cannot be written" in note for note in result.notes)
     (run,) = bench.store.runs("coastal")
     assert run.outcomes["router"].status == "changed"
 

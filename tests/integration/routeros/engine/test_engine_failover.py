@@ -28,7 +28,7 @@ def test_run_does_not_change_a_failed_over_router(tmp_path: Path, version: str) 
         bench.router.silence([*PTP, *LTE])
         await asyncio.sleep(120)
         assert await route(bench, "active", "satellite, not probed") == "true"
-        assert await route(bench, "distance", f"wifi-ptp, while {PTP[0]} responses") == "110"
+        assert await route(bench, "distance", f"wifi-ptp, while {PTP[0]} answers") == "110"
         export = bench.export()
         for mode in (JobMode.PLAN, JobMode.APPLY):
             again = await bench.converge(mode)
@@ -36,7 +36,7 @@ def test_run_does_not_change_a_failed_over_router(tmp_path: Path, version: str) 
         assert bench.export() == export
         bench.router.silence([])
         await asyncio.sleep(300)
-        assert await route(bench, "active", f"wifi-ptp, while {PTP[0]} responses") == "true"
+        assert await route(bench, "active", f"wifi-ptp, while {PTP[0]} answers") == "true"
         assert (await bench.converge()).status is Status.UNCHANGED
 
     on(bench(tmp_path, "coastal-router", version=version), act)
@@ -52,7 +52,7 @@ def test_change_during_failover_is_applied_and_failover_remains(tmp_path: Path) 
         bench.text = bench.text.replace("memory-lines=2000", "memory-lines=3000")
         changed = await bench.converge()
         assert (changed.status, changed.planned_count) == (Status.CHANGED, 1), changed.message
-        assert await route(bench, "active", f"4g, while {LTE[0]} responses") == "true"
+        assert await route(bench, "active", f"4g, while {LTE[0]} answers") == "true"
         assert (await bench.converge()).status is Status.UNCHANGED
 
     on(bench(tmp_path, "coastal-router"), act)

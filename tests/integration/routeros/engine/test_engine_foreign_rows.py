@@ -162,9 +162,9 @@ def test_plan_over_the_satellite_reads_three_thousand_rows_partially(tmp_path: P
     assert (count.round_trips, short.round_trips) == (7, 7)
     assert short.bytes < 93_000
     assert planned.message == "1 action on 3000 rows planned"
-    assert planned.foreign_words.startswith("removes 3000 rows that carry no mark of ours")
+    assert planned.foreign_words.startswith("removes 3000 rows that do not carry our mark")
     assert planned.diff.count("\n- add address=198.18.11.") == 3
-    assert "- # 2997 more rows without our mark, of which only the number was read\n" in planned.diff
+    assert "- # 2997 rows more without our mark, of which only the number was read\n" in planned.diff
     assert refused.status is Status.REFUSED
     assert (done.status, done.rows, there) == (Status.CHANGED, 3000, 0)
 

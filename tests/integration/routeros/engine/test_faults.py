@@ -186,7 +186,7 @@ def test_exhausted_history_ends_safe_mode_and_keeps_a_complete_change(tmp_path: 
     """The router left safe mode without a word: everything is permanent, and as it is all there, it may stay."""
     result, before, now = on(Bench(tmp_path, spec={"history_limit": 10}), tried)
     assert result.status is Status.CHANGED
-    assert "although: safe mode was lost in the middle of the change" in result.message
+    assert "although: we no longer hold safe mode in the middle of the change" in result.message
     assert now != before
 
 
@@ -313,7 +313,7 @@ class FullDisk(Journal):
 
     def write(self, record: Record) -> None:
         if self.left <= 0:
-            raise JournalError("cannot add the journal: No space left on device")
+            raise JournalError("the journal cannot be written: No space left on device")
         self.left -= 1
         super().write(record)
 
@@ -383,7 +383,7 @@ def test_stop_by_hand_leaves_the_device_as_before(tmp_path: Path, stage: Stage) 
     assert stopped == [True]
     touched = stage in (Stage.APPLYING, Stage.VERIFYING)
     assert result.status is (Status.ROLLED_BACK if touched else Status.LEFT_AS_FOUND)
-    assert "interrupted by the user" in result.message
+    assert "stopped by the user" in result.message
     assert now == before
 
 

@@ -137,7 +137,7 @@ def test_a_stopped_run_reports_every_device(tmp_path: Path) -> None:
 
     results = run(main())
     assert [result.status for result in results] == [Status.LEFT_AS_FOUND] * 3
-    assert results[2].message == "interrupted by the user before its turn: nothing was changed"
+    assert results[2].message == "stopped by the user before its turn: nothing was changed"
 
 
 def test_no_device_is_no_result() -> None:

@@ -109,7 +109,7 @@ PARTS = ("routeros", "rsc")
 
 def test_job_that_cannot_be_created_fails_only_its_device(tmp_path: Path) -> None:
     def refused() -> DeviceJob:
-        raise UsageError("`via=smoke`: no such bearer", hint="its links: lan")
+        raise UsageError("`via=smoke`: no such bearer", hint="it has: lan")
 
     async def main() -> list[DeviceResult]:
         results: list[DeviceResult] = []
@@ -119,5 +119,5 @@ def test_job_that_cannot_be_created_fails_only_its_device(tmp_path: Path) -> Non
         return results
 
     odd, ship = run(main())
-    assert (odd.name, odd.status, odd.exit, odd.hint) == ("odd", Status.LEFT_AS_FOUND, 3, "its links: lan")
+    assert (odd.name, odd.status, odd.exit, odd.hint) == ("odd", Status.LEFT_AS_FOUND, 3, "it has: lan")
     assert ship.status is Status.PLANNED

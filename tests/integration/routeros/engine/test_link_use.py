@@ -31,7 +31,7 @@ RUNNING_S = 200
 PTP = ("198.51.100.11", "198.51.100.12")
 LTE = ("198.51.100.21", "198.51.100.22")
 UNTIL = datetime(2026, 11, 25, 20, 30, tzinfo=UTC)
-TOLD = "satellite is in use instead of the declared order until 2026-11-25 20:30 UTC (9 min left)"
+TOLD = "satellite is in use instead of the inventory's order until 2026-11-25 20:30 UTC (9 min left)"
 GAP_S = 70.0
 SHORT_S = 120
 """Of a use that is killed."""
@@ -267,7 +267,7 @@ def test_router_that_deviates_from_the_inventory_refuses_the_use(tmp_path: Path)
     async def act(bench: Bench) -> None:
         refused = await begin(bench, "4g")
         assert refused.status is Status.REFUSED
-        assert "no such playbook: 0.0.0.0/0 via 198.51.100.21" in refused.message
+        assert "0.0.0.0/0 via 198.51.100.21 does not exist in /ip route" in refused.message
 
     on(bench(tmp_path, "coastal-router"), act)
 
@@ -323,7 +323,7 @@ def test_route_change_that_affects_our_session_is_checked_by_the_guard(tmp_path:
 
     message, refused, (full, _) = on(Bench(tmp_path), act)
     assert refused.status is Status.REFUSED
-    assert "answers to you at 10.64.101.10 go by 10.64.101.0/24 on ether8; then the route" in message
+    assert "responses to you at 10.64.101.10 take 10.64.101.0/24 on ether8; after this change the route" in message
     assert full >= {f"{menu}/print" for menu in MENUS}
 
 
@@ -348,7 +348,10 @@ def test_the_mark_of_another_run_is_seen_before_anything_is_sent(tmp_path: Path)
         row = ["=list=atlantis-run", "=address=192.0.2.1", "=timeout=1800", "=comment=run X of another"]
         await bench.router.console(["/ip/firewall/address-list/add", *row])
         left = await begin(bench, "4g")
-        assert (left.status, "run X of another is under way" in left.message) == (Status.LEFT_AS_FOUND, True)
+        assert (left.status, "run X of another is active on this device" in left.message) == (
+            Status.LEFT_AS_FOUND,
+            True,
+        )
         assert exported(bench) == before
 
     on(router(tmp_path), act)

@@ -54,7 +54,7 @@ def test_device_converges_and_has_the_declared_apn(tmp_path: Path, version: str)
     async def act(bench: Bench) -> None:
         assert {one.code for one in await findings(bench)} == {"apn-of-the-network", "no-address"}
         first = await bench.converge()
-        assert (first.status, first.protection) == ("changed", "safe mode and a scheduler job")
+        assert (first.status, first.protection) == ("changed", "safe-mode")
         assert await findings(bench) == ()
         again = await bench.converge()
         assert (again.status, again.planned_count) == ("unchanged", 0)
@@ -153,7 +153,7 @@ def test_board_without_a_modem_is_refused_unchanged(tmp_path: Path) -> None:
         before = bench.export()
         found = await bench.converge()
         assert found.status == "refused"
-        assert "no such playbook: lte1 in /interface lte; the device has none" in found.message
+        assert "lte1 does not exist in /interface lte; the device has none" in found.message
         assert bench.export() == before
 
     bench = box(tmp_path)

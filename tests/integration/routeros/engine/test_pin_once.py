@@ -66,13 +66,13 @@ def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path, version
         before = bench.export()
         first = await once(bench, allows_unprotected=True)
         assert first.status == "rolled-back"
-        assert "the SIM refused the PIN, which is not tested again" in first.message
+        assert "the SIM refused the PIN; it will not be tried again" in first.message
         assert (card(bench), tried(bench)) == ((2, 1), True)
         assert bench.export() == before
         for _ in range(2):
             again = await once(bench)
             assert again.status == "refused"
-            assert "and it was not seen that the SIM took it; it is not tested again" in again.message
+            assert "but the SIM did not confirm it; it is not retried" in again.message
             assert str(TriedPin(bench.store.root, "coastal", "router").path) in again.message
         assert card(bench) == (2, 1)
         assert "99887766" not in first.message + again.message + first.diff

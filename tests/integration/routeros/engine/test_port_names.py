@@ -105,7 +105,7 @@ def test_swapped_management_port_is_refused_with_a_working_hint(tmp_path: Path, 
     for result in (planned, refused):
         assert (result.status, result.exit) == (Status.REFUSED, 4)
         assert f"10.64.101.1, to which your session goes, would move from {plugged} to ether8" in result.message
-        assert "change it from another port, or set the ports as they are plugged in in the inventory" in result.message
+        assert "change it from another port, or declare the ports as they are plugged in" in result.message
         assert f"{plugged} is the port that is now called ether8" in result.message
     assert exports[0] == exports[1]
     assert declared.status is Status.CHANGED, declared.message

@@ -57,7 +57,7 @@ NO_SSH = (
 
 
 def test_safe_mode_of_the_api_session(tmp_path: Path) -> None:
-    converged(Bench(tmp_path), "safe mode and a scheduler job", "safe mode of the API session", ssh=True)
+    converged(Bench(tmp_path), "safe-mode", "safe mode of the API session", ssh=True)
 
 
 @pytest.mark.parametrize("version", ["7.16", "7.17.1", "6.49.19"])
@@ -234,7 +234,7 @@ def test_remaining_dead_man_job_rolls_the_router_back(tmp_path: Path) -> None:
     dead, refused, resumed, changed, waited = on(bench, act)
     assert dead.status is Status.UNKNOWN
     assert dead.hint is not None
-    assert "the dead-man job takes everything back within 10 minutes" in dead.hint
+    assert "the dead-man job rolls everything back within 10 minutes" in dead.hint
     assert refused.status is Status.LEFT_AS_FOUND
     assert "provision@10.64.101.10" in refused.message
     assert changed, resumed.message
@@ -341,4 +341,4 @@ def test_job_that_cannot_be_removed_is_reported(tmp_path: Path) -> None:
 
     result = on(Bench(tmp_path, spec={"version": "7.16"}), act)
     assert (result.status, result.left_open) == (Status.LEFT_AS_FOUND, True)
-    assert "the dead-man job takes everything back within 10 minutes" in str(result.hint)
+    assert "the dead-man job rolls everything back within 10 minutes" in str(result.hint)

@@ -53,7 +53,7 @@ def test_menu_with_a_concurrent_addition_is_read_too(tmp_path: Path) -> None:
 def test_concurrently_removed_row_is_detected(tmp_path: Path) -> None:
     result, export, _ = meddled(tmp_path, ["/ip/firewall/address-list/remove", "=.id=*1"])
     assert result.status is not Status.CHANGED, result.message
-    assert "remove it by hand before another one is tried" not in export
+    assert "one more" not in export
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_the_state_is_saved_in_the_round_trip_that_takes_safe_mode(tmp_path: Pat
     result, times, text = on(Bench(tmp_path), act)
     assert (result.status, result.round_trips, times) == (Status.CHANGED, 13, 1)
     assert 'comment="atlantis: rest"' in text
-    assert "remove it by hand before another one is tried" not in text
+    assert "one more" not in text
 
 
 LOCKED_OUT = '/ip firewall filter\nadd action=drop chain=input comment="atlantis: everything"\n'
@@ -199,7 +199,7 @@ class _Doubted:
 @pytest.mark.parametrize(
     ("path", "answer"),
     [("/safe-mode/print", Reply(({"enabled": "false", "current": "false"},))), ("/console/inspect", Reply())],
-    ids=["the holder is asked again", "required: a list whole"],
+    ids=["the holder is asked again", "a list is asked for whole"],
 )
 def test_change_while_safe_mode_is_taken_is_detected(tmp_path: Path, path: str, answer: Reply) -> None:
     """What somebody does in that round trip is noticed as before."""
@@ -216,7 +216,7 @@ def test_change_while_safe_mode_is_taken_is_detected(tmp_path: Path, path: str, 
     assert (result.status, times) == (Status.LEFT_AS_FOUND, 2)
     assert "somebody else has changed the device since it was read (/ip pool)" in result.message
     assert "name=theirs" in export
-    assert "remove it by hand before another one is tried" not in export
+    assert "one more" not in export
 
 
 @pytest.mark.parametrize("stage", [Stage.PLANNED, Stage.PROTECTED])
@@ -236,6 +236,6 @@ def test_stop_before_the_first_change_changes_nothing(tmp_path: Path, stage: Sta
 
     result, stages, before, export = on(Bench(tmp_path), act)
     assert (result.status, result.is_stopped) == (Status.LEFT_AS_FOUND, True)
-    assert result.message == "nothing was changed: interrupted by the user"
+    assert result.message == "nothing was changed: stopped by the user"
     assert Stage.APPLYING not in stages
     assert export == before

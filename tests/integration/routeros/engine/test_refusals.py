@@ -71,7 +71,7 @@ def test_unpinned_certificate_is_refused_without_a_login(tmp_path: Path) -> None
 
     result, logins = on(bench, act)
     assert (result.status, logins) == (Status.LEFT_AS_FOUND, 0)
-    assert "its certificate is unknown here, so it was reported no password" in result.message
+    assert "its certificate is not known here, so it was told no password" in result.message
     assert bench.store.pins.get("router") is None
 
 
@@ -112,7 +112,7 @@ def test_a_device_without_any_protection(tmp_path: Path) -> None:
     result = refused(
         Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME}),
         Status.REFUSED,
-        "nothing would take this change back if it went wrong: no safe mode: RouterOS before 7.18 has it on a console",
+        "nothing would roll this change back if it failed: no safe mode: RouterOS before 7.18 has safe mode on a console",
         "no dead-man job: device-mode home forbids the scheduler",
         "and touches the management path",
     )
@@ -207,7 +207,7 @@ def test_a_full_disk_before_the_first_change(tmp_path: Path) -> None:
 
     result, before, now, safe_mode = on(bench, act)
     assert (result.status, result.exit) == (Status.LEFT_AS_FOUND, ExitCode.FAILED)
-    assert "the state before the run is not writable" in result.message
+    assert "the state before the run cannot be written" in result.message
     assert now == before
     assert "=enabled=false" in safe_mode
 

@@ -46,7 +46,7 @@ def bench(tmp_path: Path, desired: str, version: str = "7.18.2", **spec: Any) ->
 def test_switch_converges_twice(tmp_path: Path, version: str) -> None:
     async def act(bench: Bench) -> None:
         first = await bench.converge()
-        assert (first.status, first.protection) == ("changed", "safe mode and a scheduler job")
+        assert (first.status, first.protection) == ("changed", "safe-mode")
         again = await bench.converge()
         assert (again.status, again.planned_count) == ("unchanged", 0)
 

@@ -9,7 +9,7 @@ from atlantis_netcfg.emulator.routeros import WireBehaviour
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.api import WINDOW
 
-NOTE = "the device fell silent with more than 24 questions at once"
+NOTE = "the device stopped responding to more than 24 requests at once"
 
 
 def twice(tmp_path: Path, knobs: WireBehaviour) -> tuple[DeviceResult, DeviceResult, list[bool]]:

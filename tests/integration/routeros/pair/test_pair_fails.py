@@ -123,7 +123,7 @@ def test_far_end_without_scheduler_is_rolled_back_by_safe_mode(tmp_path: Path) -
     assert [result.status for result in results] == [Status.ROLLED_BACK] * 2, [result.message for result in results]
     assert after == before
     assert any("needs about nine minutes to roll back by itself" in note for note in results[1].notes)
-    assert results[1].protection == "safe mode and a scheduler job"
+    assert results[1].protection == "safe-mode"
 
 
 LEVELS: Mapping[str, tuple[Signal, Status]] = {
@@ -147,10 +147,7 @@ def test_signal_levels_are_verified_before_the_change_is_kept(tmp_path: Path, fa
     assert {result.status for result in results} == {expected}, [result.message for result in results]
     assert as_before == (expected is Status.ROLLED_BACK)
     assert expected is Status.CHANGED or "dBm, not between" in results[0].message
-    assert [result.protection for result in results] == [
-        "safe mode and a scheduler job",
-        "safe mode and a scheduler job",
-    ]
+    assert [result.protection for result in results] == ["safe-mode", "safe-mode and a job of the scheduler"]
 
 
 def test_unreachable_far_end_leaves_both_ends_unchanged(tmp_path: Path) -> None:

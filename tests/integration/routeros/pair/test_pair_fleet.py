@@ -47,7 +47,7 @@ def test_stopped_by_hand_both_ends_are_as_before(tmp_path: Path) -> None:
     results, as_before = on(PairBench(tmp_path), act)
     assert as_before
     assert {result.status for result in results} <= {Status.ROLLED_BACK, Status.LEFT_AS_FOUND}
-    assert all("interrupted by the user" in result.message for result in results)
+    assert all("stopped by the user" in result.message for result in results)
 
 
 @dataclass

@@ -53,7 +53,7 @@ def test_resume_with_a_lost_far_end_rolls_the_near_end_back(tmp_path: Path) -> N
 
     results, as_before = on(PairBench(tmp_path), act)
     assert [result.status for result in results] == [Status.ROLLED_BACK, Status.LEFT_AS_FOUND]
-    assert "did not answer after near had followed it" in results[0].message
+    assert "did not respond after near was changed to match it" in results[0].message
     assert as_before
 
 
@@ -82,7 +82,7 @@ TYPED = {"recover resume": JobMode.RESUME}
 
 def test_advice_about_the_job_of_a_dead_run_leads_on(tmp_path: Path) -> None:
     hint = (
-        "let them finish, then run the same command again; if a run of ours has died there: `provision recover "
+        "let them finish, then run the same command again; if a run of ours was interrupted there: `provision recover "
         "resume site={}`"
     )
 
@@ -101,7 +101,7 @@ def test_advice_about_the_job_of_a_dead_run_leads_on(tmp_path: Path) -> None:
 
 def test_advice_for_an_unknown_outcome_settles_it(tmp_path: Path) -> None:
     hint = (
-        "each end takes back by itself what was not kept, within ten minutes if its link has died; then: "
+        "each end rolls back by itself what was not kept, within ten minutes if its link is lost; then: "
         "`provision recover resume site={}`"
     )
 

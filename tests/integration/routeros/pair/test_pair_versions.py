@@ -28,7 +28,7 @@ def test_an_end_without_safe_mode_has_a_hint(tmp_path: Path, old: str) -> None:
         if result.name == old:
             assert result.hint is not None
             assert (
-                f"put RouterOS 7.18 or later on it: `provision device upgrade site=quay device={old} packages="
+                f"install RouterOS 7.18 or later on it: `provision device upgrade site=quay device={old} packages="
                 in result.hint
             )
         else:

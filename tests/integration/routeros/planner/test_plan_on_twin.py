@@ -209,7 +209,7 @@ add address=10.64.1.1/24 comment="atlantis: LAN" interface=bridge-lan
 add address=10.64.101.0/24 comment=atlantis list=management
 /ip firewall filter
 add action=accept chain=input comment="atlantis: management" dst-port=22,8729 protocol=tcp src-address-list=management
-add action=accept chain=input comment="atlantis: responses" connection-state=established,related,untracked
+add action=accept chain=input comment="atlantis: answers" connection-state=established,related,untracked
 add action=drop chain=input comment="atlantis: everything else"
 /ip route
 add comment=atlantis dst-address=0.0.0.0/0 gateway=10.64.1.254

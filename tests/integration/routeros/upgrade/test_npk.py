@@ -43,8 +43,8 @@ def test_version_6_bundle_is_read_as_routeros(tmp_path: Path) -> None:
 
 
 REFUSED: dict[str, tuple[Callable[[bytes], bytes], str]] = {
-    "it is truncated": (lambda data: data[:-1], "it says"),
-    "longer than it says": (lambda data: data + b"\0", "it says"),
+    "cut short": (lambda data: data[:-1], "but its header says"),
+    "longer than it says": (lambda data: data + b"\0", "but its header says"),
     "another file": (lambda _data: b"PK\3\4" + bytes(100), "not a RouterOS package"),
     "empty": (lambda _data: b"", "not a RouterOS package"),
     "a part beyond the end": (
@@ -67,9 +67,9 @@ def test_damaged_file_is_refused_with_its_path(tmp_path: Path, case: str) -> Non
 
 
 RENAMED = {
-    "routeros-7.19-arm64.npk": "the version is 7.19.0, inside it is 7.18.2",
-    "routeros-7.18.2-arm.npk": "the architecture is arm, inside it is arm64",
-    "wireless-7.18.2-arm64.npk": "the package is wireless, inside it is routeros",
+    "routeros-7.19-arm64.npk": "the version is 7.19.0, but inside it is 7.18.2",
+    "routeros-7.18.2-arm.npk": "the architecture is arm, but inside it is arm64",
+    "wireless-7.18.2-arm64.npk": "the package is wireless, but inside it is routeros",
 }
 
 

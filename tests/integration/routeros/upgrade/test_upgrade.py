@@ -165,7 +165,7 @@ def test_killed_run_can_be_repeated(tmp_path: Path, moment: type) -> None:
 def test_outcome_is_unknown_if_device_does_not_come_back(tmp_path: Path) -> None:
     with router(tmp_path, boot_s=3.0) as (running, upgrading):
         hurried = replace(upgrading, waiting=WaitingUpgrade(until_s=1.0, poll_s=0.2, connect_s=0.5))
-        with pytest.raises(OutcomeUnknown, match="is not back after 1 s") as unknown:
+        with pytest.raises(OutcomeUnknown, match="did not come back within 1 s after the reboot command") as unknown:
             run(hurried)
         assert "run the same command again" in (unknown.value.hint or "")
         running.do("router", "knobs", boot_s=0.0)

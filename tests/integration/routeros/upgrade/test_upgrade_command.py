@@ -42,13 +42,13 @@ def test_rehearsal_reports_the_version_read_back(tmp_path: Path, provision: Any)
 def test_device_already_on_target_version_is_left_alone(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
     path = write(tmp_path, "routeros", "7.18.2", "arm64")
     done = provision(f"packages={path}", "--rehearse")
-    assert (done.returncode, done.stdout.split()[1:]) == (0, ["already", "so:", "RouterOS", "7.18.2"])
+    assert (done.returncode, done.stdout.split()[1:]) == (0, ["unchanged:", "RouterOS", "7.18.2"])
 
 
 REFUSED = {
     "not a package": (3, "not a RouterOS package"),
     "another board": (4, "is for arm, the device is arm64"),
-    "back": (4, "does not go back to 7.16"),
+    "back": (4, "this command does not downgrade to 7.16"),
 }
 
 

@@ -102,7 +102,7 @@ def main(work: Path, command: str, gate: Connection) -> None:
         os.write(2, f"{type(error).__name__}: {error}\nhint: {error.hint}\n".encode())
         code = error.exit
     except BaseException as error:  # noqa: BLE001 - the test reads it
-        os.write(2, f"this is a bug {error!r}\n".encode())
+        os.write(2, f"our fault: {error!r}\n".encode())
         code = 1
     os._exit(code)
 

@@ -142,7 +142,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop, Server], str], str, str]] = {
         "iqua-laptop",
     ),
     "lost": (lost, "the request may have been completed: `provision vpn sync` checks and continues", ""),
-    "its file on the server differs from the record": (
+    "changed by hand": (
         changed_by_hand,
         "`provision vpn sync` updates the server from the record",
         "on the server",

@@ -139,7 +139,7 @@ def scanned(scene: Scene, server: Server) -> None:
     """Raise what is where it must not be."""
     secrets, told = keys(scene), passphrases(scene)
     assert len(secrets) > 20
-    assert len(set(told)) == len(told) >= 1, "each one-time passphrase is reported once"
+    assert len(set(told)) == len(told) >= 1, "each one-time passphrase is told once"
     assert [name for name, secret in secrets.items() if secret in scene.traced] == []
     assert [one for one in told if one in scene.traced] == []
     assert [name for name, secret in secrets.items() if secret in scene.said] == []

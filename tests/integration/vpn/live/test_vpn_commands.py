@@ -100,7 +100,7 @@ def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) 
     found = desk.told("status")
     assert (told(found, "FAIL"), told(found, "INCONCLUSIVE")) == ("", "")
     assert [one["common_name"] for one in found["server"]["sessions"]] == [_MEMBER]
-    assert desk.told("show", f"name={_MEMBER}")["member"]["background"] == "in use"
+    assert desk.told("show", f"name={_MEMBER}")["member"]["standing"] == "in use"
 
     (renewed,) = desk.told("renew", f"name={_MEMBER}", SEALED[-1], passphrase=PASSPHRASE)["members"]
     assert (renewed["common_name"], server.names()) == (f"{_MEMBER}.2", [_MEMBER])
@@ -108,7 +108,7 @@ def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) 
     use(client, opened(renewed))
     assert "is retired" in told(desk.told("status"), "PASS")
     certificates = desk.told("show", f"name={_MEMBER}")["member"]["certificates"]
-    assert [one["background"] for one in certificates] == ["superseded", "seen"]
+    assert [one["standing"] for one in certificates] == ["superseded", "seen"]
 
     code, out, _ = desk.type("revoke", f"name={_MEMBER}", "reason=stolen", "--yes", passphrase=PASSPHRASE)
     assert (code, "verified: no session, and none of their traffic passes" in out) == (0, True), out

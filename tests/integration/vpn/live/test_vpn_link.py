@@ -60,7 +60,7 @@ def test_tool_is_sent_once_and_resent_if_incomplete(computer: Computer) -> None:
 
 def test_computer_that_is_no_vpn_server_is_reported(computer: Computer) -> None:
     with LocalLink(NAME, computer.enter) as link:
-        with pytest.raises(ServerRefusal, match="no server of the VPN was ever set up") as refused:
+        with pytest.raises(ServerRefusal, match="no VPN server was ever set up on this computer") as refused:
             link.ask("push", place=dict(PLACE), files=[], only=[])
         assert "provision site=" in str(refused.value.hint)
         with pytest.raises(AnswerLost, match="failed at `nonsense`: KeyError"):

@@ -181,7 +181,7 @@ def test_status_reports_that_the_record_is_older_and_changes_nothing(pilot: Pilo
     before = pilot.listed(), pilot.admitted()
     code, out, _ = pilot.desk.type("status")
     assert (code, OLDER in out, f"it revokes {pilot.lost}" in out) == (6, True, True), out
-    assert "`provision vpn sync` brings" not in out
+    assert "`provision vpn sync` updates" not in out
     assert (pilot.listed(), pilot.admitted()) == before
 
 

@@ -22,7 +22,7 @@ from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT
 pytestmark = pytest.mark.namespace
 
 ORDER = [
-    *("list installed", "no longer admitted", "client reported to stop", "firewall closed", "session ended"),
+    *("list installed", "no longer admitted", "client told to stop", "firewall closed", "session ended"),
     *("written to disk", "verified"),
 ]
 
@@ -133,7 +133,7 @@ def test_blocked_management_socket_does_not_delay_the_cut_off(server: Server) ->
         assert evidence.notes[1] == "no session is confirmed as ended: the server does not respond"
         assert echo.answers() == 0
         assert server.record.authority.membership().queued_names == (name,)
-        assert "cannot be asked connected members" in " ".join(server.drift())
+        assert "cannot report who is connected" in " ".join(server.drift())
     evidence = server.go_on()
     assert evidence is not None
     assert evidence.is_confirmed
@@ -153,8 +153,8 @@ def test_stopped_server_has_no_sessions_only_if_that_is_certain(server: Server) 
         assert (evidence.out, evidence.dead) == (True, False)
         assert evidence.notes == (
             (
-                "no session is confirmed as ended: the server has no management socket, and it is unknown whether it is "
-                "down"
+                "no session is confirmed as ended: the server has no management socket, "
+                "and it is unknown whether it is down"
             ),
         )
         server.at("/run/no-systemd").unlink()

@@ -106,7 +106,7 @@ def test_three_commands_bring_a_robot_to_the_control_centre(tmp_path: Path, peer
         code, seen = robot.type(opened, answer=sent.passphrase.reveal())
         assert code == 0, seen
         code, seen = robot.type(install)
-        assert (code, seen.splitlines()[-1]) == (0, f"{ROBOT} is in the VPN: 10.80.0.1 responses through the tunnel"), (
+        assert (code, seen.splitlines()[-1]) == (0, f"{ROBOT} is in the VPN: 10.80.0.1 answers through the tunnel"), (
             seen
         )
         assert run.endswith(" YOUR_PROGRAM")
@@ -122,7 +122,7 @@ def _without_a_tunnel(robot: Robot, install: str) -> None:
     robot.end()
     robot.program("systemctl", "#!/bin/sh\nexit 0\n")
     code, seen = robot.type(install)
-    assert (code, "10.80.0.1 does not respond through the tunnel" in seen, "is in the VPN" in seen) == (5, True, False)
+    assert (code, "10.80.0.1 does not answer through the tunnel" in seen, "is in the VPN" in seen) == (5, True, False)
 
 
 def _meet(made: Vpn, robot: Robot, run: str, peer: Peer) -> None:
@@ -145,7 +145,7 @@ def _again(robot: Robot, install: str) -> None:
     """The same again changes nothing, and the tunnel goes on; an older OpenVPN is refused before a file is written."""
     tunnel = (robot.state / "pid").read_text()
     code, seen = robot.type(install)
-    assert (code, "unchanged" in seen, "written" in seen) == (0, True, False), seen
+    assert (code, "already so" in seen, "written" in seen) == (0, True, False), seen
     assert (robot.state / "pid").read_text() == tunnel
     modes = "stat -c '%a %n' /etc/openvpn/client/*.conf /etc/atlantis/dds/*"
     assert robot.type(modes)[1].split()[::2] == ["600", "644", "644", "644", "644"]

@@ -100,7 +100,7 @@ def test_item_that_applies_at_every_site_cannot_be_skipped(tmp_path: Path, item:
         _read(tmp_path, skipped, ALWAYS)
     assert str(told.value).replace(str(tmp_path), "") == (
         f"/answers.yml:3:{len(item) + 15}: `{item}` applies at every site: it cannot be skipped\n  -> answer what "
-        "was observed, or INCONCLUSIVE (`unclear`) and override it with a reason\n1 error in the responses; "
+        "was observed, or INCONCLUSIVE (`unclear`) and override it with a reason\n1 error in the answers; "
         "nothing was changed"
     )
 
@@ -124,7 +124,7 @@ def test_site_item_is_not_green_until_confirmed_or_overridden(desk: Desk, tmp_pa
 
 
 def test_missing_file_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"the file of answers cannot be read: .*: No such file or directory") as error:
+    with pytest.raises(UsageError, match=r"the answers file cannot be read: .*: No such file or directory") as error:
         Answers.read(tmp_path / "answers.yml", checklist())
     assert (error.value.exit, bool(error.value.hint)) == (ExitCode.USAGE, True)
 

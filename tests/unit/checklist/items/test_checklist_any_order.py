@@ -54,7 +54,7 @@ def test_book_is_consistent_after_any_sequence_of_actions(deeds: list[tuple[str,
 
 
 _SCALARS = st.sampled_from([None, True, 7, 1.5, "", "PASS", "FAIL", "x.jpg", "A. Technician", "a\nb", "\x07", *EVERY])
-_KEYS = st.sampled_from(["name", "the consent has no name", "answers", "overrides", "leave", "sign"])
+_KEYS = st.sampled_from(["name", "consents", "answers", "overrides", "leave", "sign"])
 _INNER = st.sampled_from(["verdict", "by", "note", "files", "reason", "all", "vredict", *EVERY])
 _ANYTHING = st.recursive(
     _SCALARS, lambda inner: st.lists(inner, max_size=2) | st.dictionaries(_INNER, inner, max_size=3)

@@ -77,7 +77,7 @@ def test_age_of_earlier_results_is_shown_on_resuming(desk: Desk, hours: int, ago
     desk.now.at += timedelta(hours=hours)
     told = f"; it was started {ago} ago, and its results stand: `--anew` checks everything again"
     with desk.open() as book:
-        assert book.words == f"the checklist {book.run} is continued{(told if ago else '')}"
+        assert book.words == f"the checklist {book.run} is continued{told if ago else ''}"
 
 
 def test_a_scope_has_its_own_book(desk: Desk) -> None:
@@ -192,12 +192,12 @@ def test_confirmation_is_recorded(desk: Desk, verdict: Verdict, note: str, messa
         (
             "stork/rc_rf/failsaf",
             Confirmation(Verdict.PASS, NAME),
-            "no such playbook: item `stork/rc_rf/failsaf` in this",
+            "this checklist has no item `stork/rc_rf/failsaf`",
         ),
         (FAILSAFE, Confirmation(Verdict.PASS, " "), "a name is missing"),
         (FAILSAFE, Confirmation(Verdict.PASS, "x" * 101), "a name is too long"),
         (FAILSAFE, Confirmation(Verdict.FAIL, NAME, " "), "the reason for FAIL is missing"),
-        (FAILSAFE, Confirmation(Verdict.PASS, NAME, "\x1b[2J"), "the reason for PASS is too long, or holds control"),
+        (FAILSAFE, Confirmation(Verdict.PASS, NAME, "\x1b[2J"), "the reason for PASS is too long, or contains control"),
         (FAILSAFE, Confirmation(Verdict.ERROR, NAME, "x"), "a person cannot give the verdict ERROR"),
     ],
 )
@@ -301,13 +301,13 @@ def test_photo_metadata_is_removed(desk: Desk, tmp_path: Path, kind: str) -> Non
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda _: None, "no such playbook: file"),
-        (lambda path: path.mkdir(), "is no file"),
-        (os.mkfifo, "is no file"),
-        (lambda path: path.symlink_to("good.jpg"), "` is a symbolic link, which is not followed"),
-        (lambda path: path.write_bytes(b"\xff\xd8\xff\xe1 half"), "is a damaged picture of kind JPEG"),
-        (lambda path: path.write_bytes(b"\0\0\0\x18ftypheic\0\0"), "is a picture of kind HEIC, whose position"),
-        (lambda path: path.write_bytes(b"II*\0 tiff"), "is a picture of kind TIFF"),
+        (lambda _: None, "file `.*photo.jpg` does not exist"),
+        (lambda path: path.mkdir(), "is not a file"),
+        (os.mkfifo, "is not a file"),
+        (lambda path: path.symlink_to("good.jpg"), "is a symbolic link, which is not followed"),
+        (lambda path: path.write_bytes(b"\xff\xd8\xff\xe1 half"), "is a damaged picture of type JPEG"),
+        (lambda path: path.write_bytes(b"\0\0\0\x18ftypheic\0\0"), "is a picture of type HEIC, whose position"),
+        (lambda path: path.write_bytes(b"II*\0 tiff"), "is a picture of type TIFF"),
         (lambda path: path.touch(), "is empty"),
         (lambda path: path.write_bytes(bytes(25_000_001)), "has 25 MB; the maximum is 25 MB"),
     ],
@@ -344,7 +344,7 @@ def test_item_left_open_on_purpose_is_reported_and_not_green(desk: Desk) -> None
         book.settle(found(WIFI))
         for leave, error in (
             ({PING: " "}, "the reason for leaving it open is missing"),
-            ({"x": "y"}, "no such playbook: item `x`"),
+            ({"x": "y"}, "this checklist has no item `x`"),
         ):
             with pytest.raises(ChecklistUsageError, match=error):
                 book.sign(NAME, pages, leave=leave)
@@ -417,7 +417,7 @@ def test_full_disk_is_reported_and_leaves_no_partial_record(desk: Desk, monkeypa
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr(os, "write", full)
-        with pytest.raises(JournalError, match="cannot add the checklist: No space left on device"):
+        with pytest.raises(JournalError, match="the checklist cannot be written: No space left on device"):
             book.settle(found(DHCP))
         monkeypatch.undo()
         assert (book.folder / "records.jsonl").stat().st_size == size
@@ -457,7 +457,9 @@ def test_item_of_a_torn_last_line_is_open_again(desk: Desk) -> None:
         _log(desk).write_bytes(whole[:cut])
         with desk.open() as book:
             assert (book.item(WIFI).open, book.item(DHCP).open) == (False, True)
-            assert "is torn" in book.words
+            assert (
+                "is incomplete: the program was killed while writing it, and its content is asked again" in book.words
+            )
             book.settle(found(DHCP))
         assert books(desk.folder)[0].state is VehicleState.OPEN
 
@@ -469,7 +471,7 @@ def test_a_last_line_of_zeros_is_cut_off(desk: Desk) -> None:
     _log(desk).write_bytes(whole + b"\0" * 100 + b"\n")
     with desk.open() as book:
         assert not book.item(WIFI).open
-        assert book.words.endswith("line 3 cannot be read, and what it said is asked again")
+        assert book.words.endswith("line 3 cannot be read, and its content is asked again")
 
 
 def test_changed_line_is_damage_and_a_new_book_begins(desk: Desk) -> None:

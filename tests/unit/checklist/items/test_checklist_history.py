@@ -134,7 +134,7 @@ def test_incomplete_book_is_listed_as_damaged(desk: Desk) -> None:
     for gone, why in (
         ("records.jsonl", ""),
         ("report.json", "its report.json cannot be read"),
-        ("manifest.json", "cannot read records.jsonl: No such file or directory"),
+        ("manifest.json", "records.jsonl cannot be read: No such file or directory"),
     ):
         (signed / gone).unlink()
         (kept,) = books(desk.folder)

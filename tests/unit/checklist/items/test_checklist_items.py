@@ -49,10 +49,7 @@ def _settings(declaration: Inventory, **changes: object) -> Inventory:
 
 def _mares(declaration: Inventory, *items: Mapping[str, object]) -> Inventory:
     """With these items in place of those that are shipped."""
-    rows = [
-        {"text": "It is well", "look_for": "nothing is signed until this is repaired", "phase": "bench", **item}
-        for item in items
-    ]
+    rows = [{"text": "It is well", "look_for": "it is so", "phase": "bench", **item} for item in items]
     own = VehicleChecklist.model_validate({"items": rows})
     vehicle = declaration.vehicles["mares"].model_copy(update={"checklist": own})
     return replace(declaration, vehicles={**declaration.vehicles, "mares": vehicle})
@@ -91,7 +88,7 @@ def test_mission_adds_items_and_removes_none(shipped: Inventory) -> None:
     assert "no mission given; `mission=NAME` adds the items of a mission: night, inspection" in without.notes
     kinds = {entry.item.id: entry.item.kind for entry in listed.entries}
     assert (kinds[LIGHTS], kinds[LOGGED]) == (ItemKind.PERSON, ItemKind.AUTOMATIC)
-    with pytest.raises(NoMatchError, match="no such playbook: mission `nigth`"):
+    with pytest.raises(NoMatchError, match="unknown mission `nigth`"):
         plan(shipped, "coastal", Scope(mission="nigth"))
 
 
@@ -198,19 +195,14 @@ def test_a_range_with_one_end(
         for value in (2.0, 5.0):
             outside = value < low if low is not None else value > (high or 0)
             if outside:
-                with pytest.raises(ChecklistUsageError, match=f"does not pass: a number in bar, {words}"):
+                with pytest.raises(ChecklistUsageError, match=f"does not pass: required is a number in bar, {words}"):
                     book.confirm("mares/items/bar", Confirmation(Verdict.PASS, NAME, value=value))
             else:
                 assert book.confirm("mares/items/bar", Confirmation(Verdict.PASS, NAME, value=value)).verdict == "PASS"
 
 
 def test_required_text_and_photo_cannot_be_omitted(shipped: Inventory, tmp_path: Path) -> None:
-    (tmp_path / "list.txt").write_text(
-        "holds a private key: whoever has this file can act as this device. Do not "
-        "share it, mail it or photograph it. Delete this folder and the sealed file once the device works: the "
-        "system then has its own copy. Use one enrolment package per device: two devices with the same one "
-        "disconnect each other every minute. For a second device, ask for a second enrolment package."
-    )
+    (tmp_path / "list.txt").write_text("no picture")
     (tmp_path / "photo.png").write_bytes((ROOT / "tests" / "data" / "answers" / "failsafe.png").read_bytes())
     two = _mares(shipped, {"id": "serial", "evidence": "text"}, {"id": "ring", "evidence": "photo"})
     with _book(plan(two, "coastal", Scope(vehicles=("mares",))), tmp_path) as book:

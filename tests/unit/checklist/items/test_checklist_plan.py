@@ -117,7 +117,10 @@ def _partners(declaration: Inventory, **partners: str | None) -> Inventory:
     [
         ({"zarco": "inesc", "eca-rov": "eca"}, "Zarco (inesc), ECA ROV (eca)"),
         ({"zarco": "inesc", "mares": None}, "Zarco (inesc), Mares (partner not in the inventory)"),
-        ({"sparus": None, "mares": None}, "Sparus (partner not in the inventory), Mares (partner not declared)"),
+        (
+            {"sparus": None, "mares": None},
+            "Sparus (partner not in the inventory), Mares (partner not in the inventory)",
+        ),
         ({"zarco": "inesc", "stork": "inesc"}, ""),
         ({"mares": None}, ""),
         ({}, ""),
@@ -238,21 +241,26 @@ def test_phases_together_are_the_whole_list(declaration: Inventory, coastal: Che
 @pytest.mark.parametrize(
     ("site", "scope", "message", "hint"),
     [
-        ("costal", Scope(), "site `costal` does not exist", "did you mean `coastal`? available: scc, coastal, te4sea"),
+        ("costal", Scope(), "unknown site `costal`", "did you mean `coastal`? choose one of: scc, coastal, te4sea"),
         (
             "coastal",
             Scope(vehicles=("spartus",)),
-            "vehicle `spartus` does not exist",
-            "did you mean `sparus`? there are: ",
+            "unknown vehicle `spartus`",
+            "did you mean `sparus`? choose one of: ",
         ),
         (
             "coastal",
             Scope(endpoints=("lte",)),
-            "no such playbook: endpoint `lte`",
-            "available: wifi, acoustic, satellite",
+            "unknown endpoint `lte`",
+            "choose one of: wifi, acoustic, satellite",
         ),
         ("scc", Scope(vehicles=("sparus",)), "`sparus` is not tested at scc", "its vehicles are: none; "),
-        ("coastal", Scope(vehicles=("stork",), endpoints=("usbl",)), "no item of the checklist is left", "leave out"),
+        (
+            "coastal",
+            Scope(vehicles=("stork",), endpoints=("usbl",)),
+            "no item of the checklist is left",
+            "remove an argument: ",
+        ),
     ],
 )
 def test_unknown_site_or_scope_is_refused(
@@ -271,7 +279,7 @@ def test_shipped_answers_are_complete(coastal: Checklist) -> None:
     for one in coastal.entries:
         name, kind = one.item.id, one.item.kind
         if kind is ItemKind.PERSON and one.item.open:
-            assert answers.confirmation(name) is not None, f"no response to {name} in {ANSWERS.name}"
+            assert answers.confirmation(name) is not None, f"no answer to {name} in {ANSWERS.name}"
         if kind is ItemKind.ACTIVE and one.item.open:
             agreed = answers.consents(name) or answers.confirmation(name)
             assert agreed is not None, f"no consent to {name} in {ANSWERS.name}"

@@ -209,7 +209,7 @@ def test_report_alone_can_be_verified(signed: Path, desk: Desk, tmp_path: Path) 
     data = (signed / "report.json").read_bytes()
     assert verify_report(data, key=desk.key) == ()
     (stranger,) = verify_report(data, key=tmp_path / "none.key")
-    assert stranger.what.startswith("this computer does not know the key SHA256:")
+    assert stranger.what.startswith("it is signed with key SHA256:")
     assert "by telephone or on paper" in stranger.hint
     for place in range(0, len(data), 35):
         changed = data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]

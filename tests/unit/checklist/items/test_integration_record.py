@@ -54,7 +54,7 @@ def test_pre_test_checklist_has_no_integration_items(declaration: Inventory) -> 
     listed = plan(declaration, "coastal")
     assert not [entry for entry in listed.entries if entry.item.endpoint == "integration"]
     assert not [row for row in listed.rows if "integration" in row.beside]
-    assert "sparus/integration/plan" in listed.beyond, "a file of responses may hold both"
+    assert "sparus/integration/plan" in listed.beyond, "a file of answers may hold both"
 
 
 @pytest.mark.parametrize(
@@ -176,10 +176,10 @@ def test_record_is_signed_separately_and_has_its_own_page(sparus: Checklist, tmp
     [
         (
             "robot-frozen",
-            "`break=robot-frozen` breaks nothing of sparus",
+            "`break=robot-frozen` does not affect sparus",
             "it belongs to the record of `vehicle=mares`",
         ),
-        ("rogue-dhcp", "`break=rogue-dhcp` breaks nothing of sparus", "it belongs to the site's checklist"),
+        ("rogue-dhcp", "`break=rogue-dhcp` does not affect sparus", "it belongs to the site's checklist"),
     ],
 )
 def test_fault_that_cannot_affect_the_robot_is_refused(

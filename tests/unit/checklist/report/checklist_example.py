@@ -128,7 +128,7 @@ def _by_a_person() -> Item:
         "stork/rc_rf/failsafe",
         Verdict.PASS,
         "motors stopped after 2 s",
-        title="Failsafe of Stork: the transmitter is disabled",
+        title="Failsafe of Stork: the transmitter is switched off",
         kind=ItemKind.PERSON,
         evidence=(
             Evidence(type=EvidenceType.CONFIRMED, what="answer", value="motors stopped after 2 s", by=PERSON, at=AT),
@@ -141,7 +141,7 @@ def _overridden() -> Item:
     return item(
         "zarco/wifi",
         Verdict.FAIL,
-        "Zarco does not respond at 10.64.1.23",
+        "Zarco does not answer at 10.64.1.23",
         hint="is it switched on, and joined to the site's access point?",
         override=Override(reason="Zarco stays ashore today; its crew replaces the radio", by=PERSON, at=AT),
     )
@@ -171,7 +171,7 @@ def _odd() -> list[Item]:
         item(
             "coastal/site/rogue-dhcp",
             Verdict.FAIL,
-            "a second DHCP server responses at 10.64.1.77",
+            "a second DHCP server answers at 10.64.1.77",
             hint="find 02:00:5E:00:01:99 by `/interface bridge host print` and unplug it",
         ),
     ]
@@ -263,9 +263,9 @@ def example(**changes: Any) -> Document:  # noqa: ANN401 - fields
         "columns": COLUMNS,
         "rows": rows(),
         "items": items(),
-        "left_out": (LeftOut(what="Mares: Acoustic", why="excluded by `phase=bench`"),),
-        "notes": ("neighbours in the LAN of coastal reach each other, whatever the policy reports: Zarco, ECA ROV",),
-        "not_rehearsed": ("radio waves: the signal is what the twin is reported to say", "sound in water"),
+        "left_out": (LeftOut(what="Mares: Acoustic", why="left out by `phase=bench`"),),
+        "notes": ("neighbours in the LAN of coastal reach each other, whatever the policy says: Zarco, ECA ROV",),
+        "not_rehearsed": ("radio waves: the signal is what the twin is told to say", "sound in water"),
         "broken": ("a second DHCP server at 10.64.1.77",),
         "drawing": drawing(),
         "since_green": SinceGreen(

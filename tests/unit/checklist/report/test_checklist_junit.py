@@ -28,9 +28,9 @@ def test_each_row_is_a_suite_and_each_item_a_case() -> None:
         "mares": 4,
         "eca-rov": 2,
         "coastal": 11,
-        "excluded": 1,
+        "left out": 1,
     }
-    assert root.get("name") == "checklist of coastal, rehearsed: nothing real was checked"
+    assert root.get("name") == "checklist of coastal, rehearsal: nothing real was checked"
 
 
 def test_items_that_are_not_green_fail() -> None:

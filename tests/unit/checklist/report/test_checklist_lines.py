@@ -21,7 +21,7 @@ GOLDEN = Path(__file__).with_name("golden")
 def narrowed() -> Document:
     """One vehicle: the rest of the table is not there."""
     own = tuple(item for item in made.healthy_items() if item.vehicle == "sparus")
-    left = tuple(LeftOut(what=f"{name}: Wi-Fi", why="excluded by `vehicle=sparus`") for name in ("Mares", "Stork"))
+    left = tuple(LeftOut(what=f"{name}: Wi-Fi", why="left out by `vehicle=sparus`") for name in ("Mares", "Stork"))
     return made.green(items=own, left_out=left, scope={"vehicle": ("sparus",)}, signed=None)
 
 
@@ -66,7 +66,7 @@ def ends(document: Document, room: int = 8) -> list[str]:
     return out.getvalue().splitlines()
 
 
-LONG = "the far end does not respond at all, " * 9
+LONG = "the far end does not answer at all, " * 9
 ENDS: dict[str, Callable[[], Document]] = {
     **CASES,
     "long": lambda: made.example(items=(made.item("sparus/wifi", Verdict.FAIL, LONG, hint=LONG), *made.items())),

@@ -104,7 +104,7 @@ def test_worst_item_comes_first(page: Page) -> None:
     places = [first.index(words) for words in order]
     assert places == sorted(places)
     assert "move the antennas apart" in first
-    assert "Zarco does not respond" not in first
+    assert "Zarco does not answer" not in first
 
 
 def test_empty_sections_are_omitted() -> None:
@@ -145,7 +145,7 @@ def test_warnings_are_shown_when_nothing_failed() -> None:
     warned = made.item("sparus/gps", Verdict.WARN, "few satellites", hint="wait for a clear sky")
     words = parsed(html(made.green(items=(warned, made.item("sparus/wifi"))), {})).text
     assert "The checklist has passed, with warnings 1 WARN, 1 PASS" in words
-    assert "What to check ! WARN GPS from Sparus few satellites wait for a clear sky" in words
+    assert "What to check ! WARN GPS of Sparus few satellites wait for a clear sky" in words
     assert "What to fix first" not in words
 
 

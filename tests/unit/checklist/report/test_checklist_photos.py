@@ -38,7 +38,7 @@ def test_large_picture_is_reduced(kind: str) -> None:
     one = kept(data)
     assert one.photo is not None
     assert (one.photo.media, one.photo.width, one.photo.height) == ("image/jpeg", 1400, 700)
-    assert one.words == f"SHA-256 {made.sha256(data)}; {len(data)} bytes; shown smaller than it is"
+    assert one.words == f"SHA-256 {made.sha256(data)}; {len(data)} bytes; shown reduced"
     assert kept(data) == one
 
 
@@ -59,7 +59,7 @@ def test_location_is_removed_from_photos_of_earlier_releases() -> None:
     assert one.photo is not None
     assert b"41 deg" not in one.photo.data
     assert (one.photo.width, one.photo.height, one.photo.is_reduced) == (40, 30, False)
-    assert "smaller" not in one.words
+    assert "reduced" not in one.words
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def test_discover_frame() -> None:
     assert struct.unpack("!4H", frame[34:42]) == (68, 67, len(frame) - 34, 0)
     bootp = frame[42:]
     assert (bootp[:4], bootp[4:8], bootp[10:12], bootp[28:34]) == (b"\x01\x01\x06\x00", NUMBER, b"\x80\x00", MAC)
-    assert bootp[12:28] == b"\0" * 16, "required: no address, none is used"
+    assert bootp[12:28] == b"\0" * 16, "no address is asked for, none is used"
     assert bootp[236:249] == b"c\x82Sc" + b"\x35\x01\x01" + b"\x37\x03\x01\x03\x33" + b"\xff"
     assert len(bootp) == 300
 

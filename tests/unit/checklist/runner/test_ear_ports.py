@@ -135,7 +135,7 @@ def test_port_in_use_by_another_process_is_not_opened(pair: tuple[int, str]) -> 
         told = heard_by(serial(path, say=(Say(b"mine\n", b".", ENOUGH_S),)))
         assert settings(path) == before
     assert (told.trouble, told.data) == (Trouble.BUSY, b"")
-    assert told.words == f"{path} is in use by {name} (process {pid})"
+    assert told.words == f"{path} is held by {name} (process {pid})"
     os.set_blocking(ours, False)
     with pytest.raises(
         OSError, match=r"error|unavailable"

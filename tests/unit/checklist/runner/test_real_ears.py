@@ -111,7 +111,7 @@ def test_missing_sudo_rights_are_reported(stand: Stand, monkeypatch: pytest.Monk
     monkeypatch.setattr("atlantis_netcfg.checklist.runner._gateway_access.way_in", lambda *_: way)
     stand.behaves("cat >/dev/null; echo 'sudo: a password is required' >&2; exit 1")
     assert stand.ask(run("one", "true"))["one"].words.startswith(
-        "whoever logs in on coastal-gateway does not become root without a password; on it, as root: `echo"
+        "the login user on coastal-gateway cannot become root without a password; there, as root: `echo"
     )
 
 
@@ -129,13 +129,13 @@ def test_program_fault_is_raised_after_the_results(stand: Stand) -> None:
     assert [key for key, _ in stand.told] == ["two"]
 
 
-AWAY = "coastal-gateway was not reached: "
+AWAY = "coastal-gateway is unreachable: "
 BRING = "install your key there: `ssh-copy-id coastal-gateway`"
 LOOK = "check its power and its cable, then run the same command again"
 NOBODY: Mapping[str, tuple[str, str]] = {
     "another host key": (
         "echo 'Host key verification failed.' >&2; exit 255",
-        f"{AWAY}its SSH host key differs from the inventory, or is unknown here, so nothing was sent to it; {TRUST}",
+        f"{AWAY}its SSH host key differs from the inventory, or is not known here, so nothing was sent to it; {TRUST}",
     ),
     "no way": (
         "echo 'ssh: connect to host 10.64.1.10 port 22: No route to host' >&2; exit 255",
@@ -151,7 +151,7 @@ NOBODY: Mapping[str, tuple[str, str]] = {
         "cat >/dev/null; echo 'SyntaxError: future feature annotations is not defined' >&2; exit 1",
         "the listener program exited on coastal-gateway: SyntaxError: future feature annotations is not defined",
     ),
-    "an end without output": ("exit 3", "the listener program exited on coastal-gateway: exit 3"),
+    "an end without a word": ("exit 3", "the listener program exited on coastal-gateway: exit 3"),
 }
 
 
@@ -212,7 +212,7 @@ def test_example_values_and_unemulated_gateway_are_unreachable(tmp_path: Path) -
         way_in(SHIPPED, GATEWAY, Request())
     with pytest.raises(GatewayUnreachable, match="coastal-gateway is not emulated in this rehearsal"):
         way_in(SHIPPED, GATEWAY, Request(rehearsed=True))
-    with pytest.raises(GatewayUnreachable, match="coastal has no such bearer"):
+    with pytest.raises(GatewayUnreachable, match="coastal has no such link"):
         way_in(SHIPPED, GATEWAY, Request(via={"coastal-gateway": "rope"}), "config")
     ears = RealTransport(SHIPPED, "coastal", Request(state=tmp_path))
     for place, host in ((probes.Place.ROUTER, None), (probes.Place.ROUTER, "coastal-router")):
@@ -235,14 +235,14 @@ def test_nothing_is_sent_over_a_metered_link_without_consent(tmp_path: Path, mon
             assert found.trouble is probes.Trouble.NO_PLACE
             assert found.words.startswith(
                 "the cost was not accepted, so nothing was sent: over metered link satellite of coastal: up to 20 "
-                "kB, 0.16 EUR; type the same with `--accept-cost`"
+                "kB, 0.16 EUR; run the same command with `--accept-cost`"
             )
 
 
 def test_cost_above_the_cap_is_refused_even_with_consent(tmp_path: Path) -> None:
     stand = Stand(tmp_path, via={"coastal-gateway": "satellite"}, accept_cost=True)
     flood = probes.Listen("it", probes.Place.GATEWAY, "udp", port=14550, listen_s=3000, max_bytes=99_000_000)
-    assert "no action may send more than 5.0 MB there" in stand.ask(flood)["it"].words
+    assert "the limit for one action is 5.0 MB" in stand.ask(flood)["it"].words
     assert stand.calls == []
 
 
@@ -257,7 +257,9 @@ def test_stream_is_cut_at_its_estimate() -> None:
 
 def test_cost_of_a_whole_checklist_is_shown_beforehand() -> None:
     entries = plan(SHIPPED, "coastal").entries
-    assert _bill.previews(SHIPPED, "coastal", entries, Request())[0].words.startswith("over satellite"), "the proof"
+    assert _bill.previews(SHIPPED, "coastal", entries, Request())[0].words.startswith("over metered link satellite"), (
+        "the proof"
+    )
     asked = Request(via={"coastal-gateway": "satellite", "coastal-router": "4g"})
     gateway, router, session, proof_ = _bill.previews(SHIPPED, "coastal", entries, asked)
     assert [one.link.name for one in (gateway, router, session, proof_)] == ["satellite", "4g", "4g", "satellite"]
@@ -339,7 +341,7 @@ def test_allow_list_test_needs_consent_to_its_cost(
         assert found.bill == "9.0 kB, 0.08 EUR"
     else:
         assert found.trouble is probes.Trouble.NO_PLACE
-        assert found.words.startswith("the cost was not accepted, so nothing was sent: over satellite")
+        assert found.words.startswith("the cost was not accepted, so nothing was sent: over metered link satellite")
 
 
 def test_python3_is_in_the_path() -> None:

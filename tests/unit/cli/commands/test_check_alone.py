@@ -27,7 +27,7 @@ def answers(folder: Path) -> Answers:
 
 
 def test_all_probes_run_together_then_answers_are_used(tmp_path: Path) -> None:
-    sitting = Sitting(tmp_path, [], words={"sparus/wifi": ["FAIL silent"], "sparus/usbl/ping": ["PASS responses"]})
+    sitting = Sitting(tmp_path, [], words={"sparus/wifi": ["FAIL silent"], "sparus/usbl/ping": ["PASS answers"]})
     with sitting.book() as book:
         assert sitting.turn(book).alone(answers(tmp_path)) == ()
         radio, lamp, ping = book.items
@@ -47,7 +47,7 @@ def test_all_probes_run_together_then_answers_are_used(tmp_path: Path) -> None:
 
 
 def test_unneeded_override_is_reported(tmp_path: Path) -> None:
-    sitting = Sitting(tmp_path, [], words={"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS responses"]})
+    sitting = Sitting(tmp_path, [], words={"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]})
     with sitting.book() as book:
         assert sitting.turn(book).alone(answers(tmp_path)) == ("`sparus/wifi` is PASS: the override is not needed",)
 

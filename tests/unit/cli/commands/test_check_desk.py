@@ -30,7 +30,7 @@ def test_whole_checklist_with_a_person(tmp_path: Path) -> None:
     sitting = Sitting(
         tmp_path,
         ["yes", "green for a minute", "A. Technician", str(photo), "", "yes"],
-        words={"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS responses"]},
+        words={"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]},
     )
     assert verdicts(sitting) == {"sparus/wifi": "PASS", "sparus/gps": "PASS", "sparus/usbl/ping": "PASS"}
     assert sitting.text == WHOLE.replace("PHOTO", str(photo)).replace("EMPTY", " ")
@@ -68,9 +68,9 @@ sparus/gps: title of sparus/gps
 (item 2 of 3) Note (may be empty): green for a minute
 (item 2 of 3) Your name, as it should appear in the report: A. Technician
 (item 2 of 3) Photo or file as evidence (a path; empty: none or no more): PHOTO
-(item 2 of 3) Photo or file that shows it (a path; empty: none or no more):EMPTY
-  PASS         sparus/gps: A. Technician has seen that it is in order: green for a
-               minute
+(item 2 of 3) Photo or file as evidence (a path; empty: none or no more):EMPTY
+  PASS         sparus/gps: A. Technician has seen that it is in order: green for
+               a minute
 
 IN WATER
 
@@ -80,7 +80,7 @@ sparus/usbl/ping: title of sparus/usbl/ping
 (item 3 of 3) Is that so, and do you want to start it now?
   Type yes (the whole word) to continue, or no: yes
   Now: hold the boat still.
-  PASS         sparus/usbl/ping: responses"""[1:]
+  PASS         sparus/usbl/ping: answers"""[1:]
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_required_photo_is_not_requested_for_a_failure(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kept", range(5))
 def test_later_at_any_prompt_leaves_the_rest_open(kept: int, tmp_path: Path) -> None:
     typed = ["yes", "", "N", "", "yes"]
-    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS responses"]}
+    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
     sitting = Sitting(tmp_path, [*typed[:kept], "later"], words=words)
     with pytest.raises(PromptAbort):
         sitting.sit()
@@ -200,7 +200,7 @@ def test_cost_needs_separate_consent(tmp_path: Path) -> None:
     assert [item.open for item in sitting.sit()] == [True]
     asked = "(item 1 of 1) Accept the cost? Type pay (the whole word) to continue, or no: "
     assert f"  Traffic: over satellite: 20 kB, about 0.16 EUR\n{asked}yes" in sitting.text
-    words = {"sparus/usbl/ping": ["PASS responses"]}
+    words = {"sparus/usbl/ping": ["PASS answers"]}
     paid = Sitting(tmp_path, ["yes", "pay", "N"], (PING,), words, price=lambda _entry: price)
     assert verdicts(paid) == {"sparus/usbl/ping": "PASS"}
 
@@ -266,7 +266,7 @@ def records(sitting: Sitting) -> list[tuple[str, str, bool]]:
 
 def test_back_corrects_an_answer_and_both_are_kept(tmp_path: Path) -> None:
     typed = ["yes", "green", "N", "", "back", "again", "unclear", "fog", "", "on", "yes"]
-    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS responses"]}
+    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
     sitting = Sitting(tmp_path, typed, words=words)
     assert verdicts(sitting) == {"sparus/wifi": "PASS", "sparus/gps": "INCONCLUSIVE", "sparus/usbl/ping": "PASS"}
     assert records(sitting) == [
@@ -325,8 +325,8 @@ def test_no_must_be_confirmed(slip: str, tmp_path: Path) -> None:
     [
         ("photos/lamp.jpg", "a file"),
         ("lamp.JPG", "a file"),
-        ("--rehearse", "a flag"),
-        ("site=coastal", "` looks like an argument. Is it your name?"),
+        ("--rehearse", "an option"),
+        ("site=coastal", "an argument"),
         ("Yes", "an answer to another question"),
     ],
 )
@@ -349,8 +349,8 @@ def test_long_choices_are_shown_below_the_prompt(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["on"], (RADIO,), {"sparus/wifi": ["FAIL silent"]})
     sitting.sit()
     asked = (
-        "(item 1 of 1) Check again (`again`), override it (`override`), or continue (`on`)?\n  [again, override, "
-        "on, back, later] on"
+        "(item 1 of 1) Check again (`again`), override it (`override`), or continue\n  (`on`)?\n"
+        "  [again, override, on, back, later] on"
     )
     assert asked in sitting.text
     assert max(map(len, sitting.text.splitlines())) <= 80
@@ -360,7 +360,7 @@ def test_both_languages_are_accepted_in_portuguese(tmp_path: Path) -> None:
     language.use(language.Language.PORTUGUESE)
     try:
         sitting = Sitting(tmp_path, ["não", "s", "escuro", "N", "", "repetir", "sim", "", "", "Sim"], (LAMP, PING))
-        sitting.words = {"sparus/usbl/ping": ["PASS responses"]}
+        sitting.words = {"sparus/usbl/ping": ["PASS answers"]}
         sitting.ears.words = sitting.words
         assert verdicts(sitting) == {"sparus/gps": "PASS", "sparus/usbl/ping": "PASS"}
     finally:

@@ -33,7 +33,7 @@ def test_number_out_of_range_is_requested_again(tmp_path: Path) -> None:
     assert "  do " not in sitting.text
     assert sitting.text.count("(item 1 of 1) The number, in V:") == 4
     assert "`mares/items/battery`: 13 V does not pass: required is a number in V, 14.8 to 16.8" in sitting.words_said
-    assert "`16,1 V` is not a number: add it without its unit, like 16.1" in sitting.words_said
+    assert "`16,1 V` is not a number: write it without its unit, like 16.1" in sitting.words_said
 
 
 def test_failed_item_needs_no_number(tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_required_text_and_photo_are_requested_until_given(tmp_path: Path) -> No
         sitting.sit()
     with sitting.book() as book:
         assert [(each.id, each.open) for each in book.items] == [("mares/items/battery", False), ("a/items/b", True)]
-    assert "required: a photo: give the path of a JPEG or PNG" in sitting.words_said
+    assert "a photo is required: give the path of a JPEG or PNG" in sitting.words_said
 
 
 def test_restricted_item_is_answered_by_an_authorised_person(tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ def test_restricted_item_is_answered_by_an_authorised_person(tmp_path: Path) -> 
     sitting = Sitting(tmp_path, typed, (LAMP, item(EvidenceRequest(), ("B. Pilot", "C. Owner"))))
     lamp, switch = sitting.sit()
     assert (switch.evidence[0].by, lamp.evidence[0].by) == ("c. owner", "A. Technician")
-    assert "  responses   B. Pilot, C. Owner only\n" in sitting.text
+    assert "  answers   B. Pilot, C. Owner only\n" in sitting.text
     assert "A. Technician may not answer: the inventory names others" in sitting.words_said
 
 

@@ -13,7 +13,7 @@ from atlantis_netcfg.cli.checklist.check_run import greet
 from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAbort
 from atlantis_netcfg.links.cost import CostRefusal
 
-WORDS = {"sparus/wifi": ["FAIL silent", "FAIL silent"], "sparus/usbl/ping": ["PASS responses"]}
+WORDS = {"sparus/wifi": ["FAIL silent", "FAIL silent"], "sparus/usbl/ping": ["PASS answers"]}
 VALUES = """
 sparus wifi gps usbl ping FAIL PASS WARN INCONCLUSIVE SKIP
 yes no but unclear skip back later again override on open seen pay y

@@ -50,7 +50,7 @@ def test_signed_checklists_verify(state: Path, capsys: pytest.CaptureFixture[str
         "coastal 20260504T120000Z",
         "coastal 20260504T120000Z, rehearsed",
     ]
-    assert lines[0].partition(", key SHA256:")[0].endswith(": as A. Technician signed it at 2026-05-04 12:00 UTC")
+    assert lines[0].partition(", key SHA256:")[0].endswith(": as signed by A. Technician at 2026-05-04 12:00 UTC")
     rows = told(capsys, "verify", "site=coastal", "run=20260504T120000Z", code=0)["verified"]
     assert [(row["site"], row["signed"]["by"], row["troubles"]) for row in rows] == [
         ("coastal", "A. Technician", [])
@@ -88,7 +88,7 @@ def test_single_report_file_is_verified(state: Path, tmp_path: Path, capsys: pyt
     report = tmp_path / "report.json"
     report.write_bytes((signed(state) / "report.json").read_bytes())
     assert main(["report", "verify", "file=report.json"]) == 0
-    assert capsys.readouterr().out.startswith("report.json: as A. Technician signed it")
+    assert capsys.readouterr().out.startswith("report.json: as signed by A. Technician")
     key = json.loads(report.read_bytes())["signed"]["key"]
     (row,) = told(capsys, "verify", "file=report.json", "key=SHA256:other", code=6)["verified"]
     assert [one["what"] for one in row["troubles"]] == [f"it is signed with key {key}, but another key was requested"]

@@ -183,7 +183,7 @@ def test_person_completes_the_checklist_and_signs(capsys: pytest.CaptureFixture[
 def test_worst_item_is_named_after_signing() -> None:
     bad: list[Any] = [SimpleNamespace(id="worst"), SimpleNamespace(id="other"), SimpleNamespace(id="third")]
     said = [check_run._begin_anew(bad[:count]).partition(", then")[0] for count in (1, 2, 3)]
-    assert said == ["Mend worst", "Mend worst and 1 other", "Mend worst and 2 others"]
+    assert said == ["Fix worst", "Fix worst and 1 other", "Fix worst and 2 others"]
 
 
 @pytest.mark.usefixtures("ears")
@@ -212,12 +212,12 @@ def test_checklist_is_resumed_after_ctrl_c(kept: int) -> None:
         at_desk(*typed[:kept], "^C")
     assert (stopped.value.exit, str(stopped.value)) == (
         4,
-        "interrupted by Ctrl-C; results and responses so far are saved",
+        "interrupted by Ctrl-C; results and answers so far are saved",
     )
     rest = ["yes", "N"] if kept == 6 else ["yes", "heard", "N", "", "yes"] if kept > 2 else typed
     code, said = at_desk(*rest)
     assert code == 0
-    assert " is gone on with\n" in said
+    assert " is continued\n" in said
 
 
 def test_allow_list_test_over_satellite_shows_its_price() -> None:
@@ -234,4 +234,4 @@ def test_allow_list_test_over_satellite_shows_its_price() -> None:
         price = price_of(cast("CommandSession", opened), entry)
         assert price is not None
         assert price.due is due
-        assert re.fullmatch(r"over satellite.* \d+\.\d\d EUR.*", price.words), price.words
+        assert re.fullmatch(r"over metered link satellite.* \d+\.\d\d EUR.*", price.words), price.words

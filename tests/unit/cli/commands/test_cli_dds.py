@@ -59,7 +59,7 @@ def test_json_without_files(capsys: pytest.CaptureFixture[str]) -> None:
 def test_unusable_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("in the way")
     assert main([*LINE, f"to={tmp_path / 'file'}"]) == ExitCode.USAGE
-    assert "cannot be written: Not a directory" in capsys.readouterr().err
+    assert "/wifi-ptp/cyclonedds.xml: Not a directory" in capsys.readouterr().err
     assert (tmp_path / "file").read_text() == "in the way"
 
 

@@ -41,7 +41,7 @@ def test_exit_code_is_that_of_the_command(code: ExitCode, monkeypatch: pytest.Mo
 def test_expected_error_is_shown_with_its_hint(
     error: type[UsageError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = Table(monkeypatch, raising(error("the router is gone", hint="then check its cable")))
+    table = Table(monkeypatch, raising(error("the router is gone", hint="look at its cable")))
     assert main(LINE, table=table) == error.exit
     assert capsys.readouterr() == ("", "error: the router is gone\n       look at its cable\n")
 
@@ -170,7 +170,7 @@ def test_log_reports_what_it_is_waiting_for() -> None:
 
     class Log(io.StringIO):
         def write(self, text: str) -> int:
-            if "still at work" in text:
+            if "still running" in text:
                 reminded.set()
             return super().write(text)
 

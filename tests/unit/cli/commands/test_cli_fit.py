@@ -88,7 +88,7 @@ def test_unknown_names_are_refused(
 
 def test_vehicle_without_topics_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(line(SHIPPED)) == ExitCode.NOTHING
-    assert "set its topics in group_vars/all/vehicles.yml in the inventory" in capsys.readouterr().err
+    assert "set its topics in group_vars/all/vehicles.yml (see docs/measuring.md)" in capsys.readouterr().err
 
 
 def test_validate_warns_of_rates_that_fit_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,4 +107,4 @@ def test_validate_warns_of_rates_that_fit_no_link(tmp_path: Path, capsys: pytest
 
 def test_validate_is_silent_about_rates_that_fit_one_link(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["inventory", "validate", f"inventory={inventory}"]) == ExitCode.DONE
-    assert "publishes more than any link of coastal" not in capsys.readouterr().out
+    assert "no DDS link of coastal carries" not in capsys.readouterr().out

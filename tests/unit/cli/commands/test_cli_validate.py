@@ -89,7 +89,7 @@ def test_default_inventory_is_that_of_the_checkout(capsys: pytest.CaptureFixture
 
 def test_warnings_do_not_fail(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = inventory / "group_vars" / "coastal.yml"
-    budget = "      background_budget_mb: 1\n      device: coastal-sat\n"
+    budget = "      standing_budget_mb: 1\n      device: coastal-sat\n"
     path.write_text(path.read_text(encoding="utf-8").replace("      device: coastal-sat\n", budget), encoding="utf-8")
     assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out
@@ -97,12 +97,12 @@ def test_warnings_do_not_fail(inventory: Path, capsys: pytest.CaptureFixture[str
     assert main(["inventory", "validate", "inventory=inventory", "--json"]) == ExitCode.DONE
     (warning,) = json.loads(capsys.readouterr().out)["warnings"]
     assert (warning["file"], warning["line"]) == ("inventory/group_vars/coastal.yml", 44)
-    assert warning["message"].startswith("by itself ")
+    assert warning["message"].startswith("9.4 MB of automatic traffic a month over satellite ")
     without_budgets(inventory)
     assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out
     for link in ("4g", "satellite"):
-        assert said.count(f"no such playbook: budget for the background traffic over {link}") == 2
+        assert said.count(f"there is no budget for the background traffic over {link}") == 2
     assert "4 warnings in the inventory; no device was contacted" in said
 
 

@@ -168,5 +168,5 @@ def test_ctrl_c_at_a_prompt_changes_nothing(monkeypatch: pytest.MonkeyPatch, ter
 
 def test_consent_fails_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
-    with pytest.raises(UsageError, match="nobody is here"):
+    with pytest.raises(UsageError, match="no terminal to confirm"):
         require_agreement("Change it now?")

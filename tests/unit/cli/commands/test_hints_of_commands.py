@@ -135,7 +135,7 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
         6,
         "coastal",
     ),
-    "no item of the checklist is left": (
+    "nothing is left": (
         lambda at: at.type("check", "site=coastal", "vehicle=stork", "endpoint=acoustic", code=7),
         "remove an argument: `provision check site={}` lists all items",
         6,
@@ -173,7 +173,7 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
         stopped_at_the_end,
         "`provision report runs` shows what was confirmed, and how to continue an unfinished run",
         0,
-        "UNFINISHED, go on: `provision recover resume site=coastal run=",
+        "UNFINISHED, continue: `provision recover resume site=coastal run=",
     ),
 }
 
@@ -243,7 +243,7 @@ def _no_twins(*_: object) -> Iterator[object]:
 def test_resume_is_advised_only_for_resumable_commands(name: str) -> None:
     """A command that is no run of the engine goes on when it is typed again; `resume` would refuse it."""
     command = commands.load(name, COMMANDS).command
-    assert command.plays != command.again.replace("recorded changes remain ", "").startswith(
+    assert command.plays != command.again.replace("recorded changes remain: ", "").startswith(
         "run the same command again"
     )
     assert "resume" not in command.again
@@ -284,8 +284,8 @@ def test_hint_keeps_authority_and_rehearsal_options(at: Place) -> None:
 
 def test_named_host_that_is_not_handled_is_not_green(at: Place) -> None:
     line = ("device", "backup", "site=coastal")
-    assert "no role handles" in at.type(*line, "device=coastal-gateway", code=7)
-    assert "does nothing with coastal-gateway" in at.type(*line, "device=coastal-router,coastal-gateway", code=7)
+    assert "these devices are not supported yet" in at.type(*line, "device=coastal-gateway", code=7)
+    assert "does not apply to coastal-gateway" in at.type(*line, "device=coastal-router,coastal-gateway", code=7)
 
 
 @pytest.mark.parametrize(

@@ -63,16 +63,16 @@ def test_run_with_nothing_open_is_typed_again(tmp_path: Path) -> None:
         journal.write(Outcome(device="router", status="left-as-found", exit=4, message="interrupted by the user"))
     with pytest.raises(NoMatchError, match="has left nothing pending on any device") as refused:
         _refuse_settled(Store(tmp_path).run("quay", run.id))
-    assert "type its command again:  provision site=quay --yes" in (refused.value.hint or "")
+    assert "to complete it, run its command again:  provision site=quay --yes" in (refused.value.hint or "")
 
 
 def test_resume_covers_every_unfinished_device(tmp_path: Path) -> None:
     """Seed 209 of the campaign: `resume` was green, and the devices whose turn had not come were as before."""
-    hosts = ("open", "never reached", "rolled back", "done")
+    hosts = ("open", "never reached", "taken back", "done")
     started = RunStart(site="quay", revision="", tool="", hosts=hosts, rehearsed=False, command="provision")
     with Store(tmp_path).start(started) as journal:
         for device, status in zip(hosts[1:], ("left-as-found", "rolled-back", "changed"), strict=True):
             journal.write(Outcome(device=device, status=status, exit=4, message=""))
     run = Store(tmp_path).run("quay", journal.run)
     assert run.unsettled_devices == ("open",)
-    assert run.undone == ("open", "never reached", "rolled back")
+    assert run.undone == ("open", "never reached", "taken back")

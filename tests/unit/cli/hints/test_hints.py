@@ -22,7 +22,7 @@ def test_register_lists_exactly_the_hints_of_the_source() -> None:
     assert [hint for hint, number in registered.items() if number > 1] == []
     found = hints()
     assert sorted(found - set(registered)) == [], "type these in a test, and enter it in tests/data/hints.tsv"
-    assert sorted(set(registered) - found) == [], "these are said no more: remove them from tests/data/hints.tsv"
+    assert sorted(set(registered) - found) == [], "these are said no more: take them out of tests/data/hints.tsv"
 
 
 @for_each_row("entry", [one for one in ENTRIES if "::" in one.test], ids=lambda one: one.hint.text[:60])
@@ -65,5 +65,5 @@ Word("site", "as `provision report runs` lists it")
 "provision report drift"
 '''
     assert list(_texts(ast.parse(source))) == ["{}: `provision recover resume site={}` run=1"]
-    takes_over = "; if that run has died, take over: provision recover resume site={} run={}"
+    takes_over = "; if that run was interrupted, take over: provision recover resume site={} run={}"
     assert Hint("routeros/apply/_state.py", takes_over) in hints()

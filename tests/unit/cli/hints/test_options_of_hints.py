@@ -95,7 +95,7 @@ def test_hint_to_save_a_plan_can_be_typed(tmp_path: Path, capsys: pytest.Capture
         ({"atlantis_acept_cost": "true"}, "unknown extra variable `atlantis_acept_cost`", "`atlantis_accept_cost`"),
         ({"atlantis_request": {"mod": "plan"}}, "atlantis_request: unknown key `mod`", "did you mean `mode`?"),
         ({"atlantis_request": "plan"}, "atlantis_request is not a mapping: plan", "-e '{"),
-        ({"atlantis_request": {"mode": "plann"}}, "atlantis_request: `plann` is not a word for `mode`", ""),
+        ({"atlantis_request": {"mode": "plann"}}, "atlantis_request: `plann` is not a valid value for `mode`", ""),
         ({"atlantis_request": {"rehearsed": "maybe"}}, "atlantis_request: `rehearsed` ", ""),
     ],
 )

@@ -90,7 +90,7 @@ def hostapd(request: pytest.FixtureRequest) -> tuple[Path, Path | None]:
     """The program of Debian 11 and of Debian 12, with the libraries that it needs."""
     program, packed = HOSTAPDS[request.param]
     if not program.exists():
-        pytest.skip(f"no such playbook: hostapd {request.param} here")
+        pytest.skip(f"there is no hostapd {request.param} here")
     libraries = None if packed is None else next(packed.glob("usr/lib/*/libssl.so.1.1")).parent
     environment = {} if libraries is None else {"LD_LIBRARY_PATH": str(libraries)}
     said = subprocess.run([program, "-v"], check=False, capture_output=True, text=True, env=environment)

@@ -68,7 +68,7 @@ def test_synchronised_clock_is_not_set_and_difference_is_reported() -> None:
 def test_clock_that_cannot_be_set_is_a_failure_with_a_hint() -> None:
     board = Board(NOW - 3650 * DAY_S, frozen=True)
     with pytest.raises(
-        ModuleError, match="is 3650 days behind, and may not be set here: Operation not permitted"
+        ModuleError, match="is 3650 days behind, and cannot be set here: Operation not permitted"
     ) as caught:
         board.clock().converge(NOW)
     assert "CAP_SYS_TIME" in caught.value.hint
@@ -76,6 +76,6 @@ def test_clock_that_cannot_be_set_is_a_failure_with_a_hint() -> None:
 
 def test_wrong_clock_of_the_laptop_sets_nothing() -> None:
     board = Board(NOW)
-    with pytest.raises(ModuleError, match=r"the clock of this laptop is wrong .1970-01-01 00:20 UTC"):
+    with pytest.raises(ModuleError, match=r"this laptop's clock is wrong .1970-01-01 00:20 UTC"):
         board.clock().converge(1200)
     assert board.now == NOW

@@ -74,7 +74,7 @@ def file(content: str = "x", **row: Any) -> dict[str, Any]:  # noqa: ANN401 - as
 
 CASES: list[tuple[str, str, dict[str, Any], list[str]]] = [
     ("mode", "0600", file(), ["file /a/b mode 0600 -> 0644"]),
-    ("mode requirement", "0644", file(mode="0400"), ["file /a/b mode 0644 -> 0400"]),
+    ("mode asked for", "0644", file(mode="0400"), ["file /a/b mode 0644 -> 0400"]),
     ("set-user-ID", "4644", file(), ["file /a/b mode 4644 -> 0644"]),
     ("content", "0600", file("y"), ["file /a/b"]),
     ("same", "0644", file(), []),
@@ -114,17 +114,20 @@ def test_symlink_in_place_of_a_file_is_replaced(computer: Computer) -> None:
 @pytest.mark.parametrize(
     ("told", "said"),
     [
-        (file(), "/a/b is a directory, and has to be a file"),
-        ({"absent": ["/a/b"]}, "/a/b is a directory, and has to be a file"),
-        ({"links": [{"path": "/a/b", "target": "c"}]}, "/a/b is a directory, and has to be a file"),
+        (file(), "/a/b is a directory, but must be a file"),
+        ({"absent": ["/a/b"]}, "/a/b is a directory, but must be a file"),
+        ({"links": [{"path": "/a/b", "target": "c"}]}, "/a/b is a directory, but must be a file"),
         ({"files": [{"path": "/a/c", "content": "x"}]}, "/a/c is a device or a socket"),
-        ({"directories": [{"path": "/a/f"}]}, "/a/f is a file, and has to be a directory"),
+        ({"directories": [{"path": "/a/f"}]}, "/a/f is a file, but must be a directory"),
         ({"files": [{"path": "/a/f/x", "content": "x"}]}, "one of its parents is a file"),
-        ({"files": [{"path": "/a/new", "content": "x", "owner": "nobody-here"}]}, "no account `nobody-here`"),
-        ({"files": [{"path": "/a/new", "content": "x", "group": "nobody-here"}]}, "no group `nobody-here`"),
-        ({"files": [{"path": "/a/new", "content": "x", "mode": "rw"}]}, "`rw` is not a mode"),
+        (
+            {"files": [{"path": "/a/new", "content": "x", "owner": "nobody-here"}]},
+            "account `nobody-here` does not exist",
+        ),
+        ({"files": [{"path": "/a/new", "content": "x", "group": "nobody-here"}]}, "group `nobody-here` does not exist"),
+        ({"files": [{"path": "/a/new", "content": "x", "mode": "rw"}]}, "`rw` is not a valid mode"),
         ({"files": [{"path": "a/new", "content": "x"}]}, "`a/new` is not an absolute path"),
-        ({"files": [{"path": "/a/../new", "content": "x"}]}, "` is not an absolute path"),
+        ({"files": [{"path": "/a/../new", "content": "x"}]}, "`/a/../new` is not an absolute path"),
         ({"files": [{"path": "/a/new"}]}, "has no content"),
         ({"files": [{"path": "/a/new", "content": "x", "validate": ["true"]}]}, "its validator has no %s"),
         ({"files": [{"path": "/a/f", "content": "x"}], "absent": ["/a/f"]}, "path /a/f is defined twice"),
@@ -171,7 +174,7 @@ def test_secret_is_not_shown(computer: Computer) -> None:
 def test_missing_validator_is_reported(computer: Computer) -> None:
     told = file(validate=["no-such-program", "%s"])
     assert computer.converge(check=True, **told) == ["file /a/b"]
-    with pytest.raises(ModuleError, match="`no-such-program`, which has to accept /a/b, is not installed"):
+    with pytest.raises(ModuleError, match="`no-such-program`, which must accept /a/b, is not installed"):
         computer.converge(**told)
     assert computer.snapshot() == {}
 
@@ -190,9 +193,9 @@ def test_diffs_are_shown_for_text_files_only(computer: Computer) -> None:
     [
         (errno.ENOSPC, r"the file system of /etc/second is full: \d+ kB are free"),
         (errno.EDQUOT, "is full"),
-        (errno.EROFS, "can only be read"),
+        (errno.EROFS, "is read-only"),
         (errno.EPERM, "cannot change"),
-        (errno.EIO, "read or add errors"),
+        (errno.EIO, "read or write errors"),
         (errno.ENXIO, "/etc/second: "),
     ],
 )
@@ -233,7 +236,7 @@ def test_concurrent_run_is_refused(computer: Computer) -> None:
     with lock.open() as holder:
         fcntl.flock(holder, fcntl.LOCK_EX)
         assert computer.converge(check=True, **file()) == ["file /a/b"]
-        with pytest.raises(ModuleError, match=r"another run is at work .*: process 77, begun from 192\.0\.2\.7"):
+        with pytest.raises(ModuleError, match=r"another run is active .*: process 77, started from 192\.0\.2\.7"):
             computer.converge(**file())
     assert computer.converge(**file(), environment={"SSH_CONNECTION": "192.0.2.9 5 192.0.2.1 22"}) == ["file /a/b"]
     assert lock.read_text() == f"process {os.getpid()}, started from 192.0.2.9"
@@ -358,7 +361,7 @@ def test_unchanged_file_that_is_now_rejected_is_a_finding(computer: Computer) ->
 def test_rejected_mandatory_file_still_stops_everything(computer: Computer) -> None:
     told = {**OPTIONAL, "files": [*OPTIONAL["files"], {"path": "/etc/must.conf", "content": "bad\n", "validate": GOOD}]}
     before = computer.snapshot()
-    with pytest.raises(ModuleError, match=r"sh does not accept the new /etc/must.conf, so nothing was changed"):
+    with pytest.raises(ModuleError, match=r"sh does not accept the new /etc/must\.conf, so nothing was changed"):
         computer.converge(**told)
     assert computer.snapshot() == before
 

@@ -36,7 +36,7 @@ def test_gateway_pings_its_router_and_drops_its_own_dds() -> None:
     rules = [line.strip() for line in text(base, "/etc/nftables.conf").splitlines() if "no_dds" in line]
     assert rules == [
         "set no_dds {",
-        'oifname "tun0" udp dport 7400-7429 meta protocol @no_dds counter drop comment "DDS, blocked this link"',
+        'oifname "tun0" udp dport 7400-7429 meta protocol @no_dds counter drop comment "DDS, kept off this link"',
         (
             "ct state related ip saddr 10.64.1.1 icmp type destination-unreachable icmp code 13"
             ' update @no_dds { meta protocol } comment "no DDS over this link"'

@@ -134,7 +134,7 @@ def supplicant(request: pytest.FixtureRequest) -> tuple[Path, Path | None]:
     """wpa_supplicant of Debian 11 and of Debian 12, with the libraries that it needs."""
     program, packed = SUPPLICANTS[request.param]
     if not program.exists():
-        pytest.skip(f"no such playbook: wpa_supplicant {request.param} here")
+        pytest.skip(f"there is no wpa_supplicant {request.param} here")
     libraries = None if packed is None else next(packed.glob("usr/lib/*/libssl.so.1.1")).parent
     environment = {} if libraries is None else {"LD_LIBRARY_PATH": str(libraries)}
     said = subprocess.run([program, "-v"], check=False, capture_output=True, text=True, env=environment)

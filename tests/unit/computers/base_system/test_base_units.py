@@ -86,7 +86,7 @@ def test_missing_unit_is_reported(computer: Computer) -> None:
     ("unit", "said"),
     [
         (FakeUnit(load="masked", file="masked"), "unit daemon is masked"),
-        (FakeUnit(dies=True), "unit daemon does not stay up: it is failed .failed.:\nit said why"),
+        (FakeUnit(dies=True), "unit daemon does not keep running: it is failed .failed.:\nit said why"),
         (FakeUnit(condition=False), "a condition of its unit file is not met on this computer"),
     ],
 )

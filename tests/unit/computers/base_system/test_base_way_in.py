@@ -46,7 +46,7 @@ def test_change_that_locks_out_the_operator_is_refused(computer: Computer, addre
 
 
 def test_port_of_the_current_session_must_stay_open(computer: Computer) -> None:
-    with pytest.raises(ModuleError, match="came in on port 2222, and SSH would be admitted on port 22 only"):
+    with pytest.raises(ModuleError, match="your session uses port 2222, but SSH would be allowed on port 22 only"):
         computer.converge(files=FILES, way_in={"port": 22}, environment=session("192.0.2.7", 2222))
 
 

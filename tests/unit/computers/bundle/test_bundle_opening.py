@@ -37,7 +37,7 @@ def test_valid_bundle_is_opened(folder: Path, keys: Keys) -> None:
 @pytest.mark.parametrize(
     ("tamper", "words"),
     [
-        (lambda path: path.unlink(), f"cannot read {CHRONY}: it: No such file or directory"),
+        (lambda path: path.unlink(), f"{CHRONY}: it cannot be read: No such file or directory"),
         (lambda path: path.write_bytes(b"x"), f"{CHRONY}: it has 1 bytes, and 1800 were put there"),
         (lambda path: path.write_bytes(b"x" * 1800), f"{CHRONY}: its content is not what was put there"),
     ],
@@ -74,7 +74,7 @@ def test_foreign_key_is_accepted_once_typed(folder: Path, signer: BundleSigner, 
     own = f"{folder} was signed on another computer, by key {signer.fingerprint}"
     assert [words for words, _ in refusal(folder, other)] == [own]
     assert [words for words, _ in refusal(folder, other, accept="0" * 40)] == [
-        f"{folder} was signed by key {signer.fingerprint}instead of {'0' * 40}"
+        f"{folder} was signed by key {signer.fingerprint}, and not by {'0' * 40}"
     ]
     assert [words for words, _ in refusal(folder, other)] == [own]
     spaced = " ".join(signer.fingerprint[at : at + 4] for at in range(0, 40, 4)).lower()
@@ -97,7 +97,7 @@ def test_everything_missing_is_named(folder: Path, keys: Keys) -> None:
     )
     hint = "on a computer with internet: `provision gateway bundle site=coastal`"
     assert refusal(folder, keys, wish) == [
-        (f"{HOST}: the inventory says it is for ubuntu focal, and ubuntu jammy", hint),
+        (f"{HOST}: it is for ubuntu focal, and ubuntu jammy is declared", hint),
         (f"{HOST}: package gpsd: it is not in the bundle", hint),
         (f"{HOST}: package chrony=4.*: the bundle has 3.5", hint),
         (f"{HOST}: package locales=2.35: the bundle has 2.31", hint),
@@ -115,10 +115,10 @@ def test_host_without_a_bundle_is_named(folder: Path, keys: Keys) -> None:
     ("change", "words"),
     [
         ({"format": 2}, "is of format 2, and this toolkit knows format 1"),
-        ({"site": None}, "is invalid"),
-        ({"more": 1}, "is invalid"),
-        ({"files": []}, "is invalid"),
-        ({"files": [{"path": "../x", "size": 1, "sha256": "0" * 64}]}, "is invalid"),
+        ({"site": None}, "cannot be understood"),
+        ({"more": 1}, "cannot be understood"),
+        ({"files": []}, "cannot be understood"),
+        ({"files": [{"path": "../x", "size": 1, "sha256": "0" * 64}]}, "cannot be understood"),
         ({"key": "0" * 40}, "names another key than its own"),
     ],
 )

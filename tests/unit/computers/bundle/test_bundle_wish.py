@@ -84,5 +84,5 @@ def test_control_centre_has_a_bundle_without_ros_and_libraries(declaration: Inve
 
 
 def test_selection_without_computers_has_no_bundle(declaration: Inventory) -> None:
-    with pytest.raises(NoMatchError, match="`scc-router`: bundles are for gateways, control centres and operator"):
+    with pytest.raises(NoMatchError, match="`scc-router`: no gateway, control centre or operator station is selected"):
         bundle_hosts(declaration, "scc", ["scc-router"])

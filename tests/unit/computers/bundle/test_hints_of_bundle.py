@@ -158,8 +158,8 @@ def test_key_without_a_bundle_advises_a_working_command(at: Place, signer: Bundl
 
 def test_advised_image_command_works(at: Place) -> None:
     hint = (
-        "add a card with the right system (`provision gateway image --help`), or set the release of this one in "
+        "write a card with the right system (`provision gateway image --help`), or set the release of this one in "
         "the inventory"
     )
     (words,) = advised(said(another_system(at), hint))
-    assert "host=coastal-gateway" in at.type(*words) or "the gateway computer" in at.type(*words)
+    assert "host=coastal-gateway" in at.type(*words) or "gateway computer of the site" in at.type(*words)

@@ -201,9 +201,9 @@ def test_host_without_dds_is_refused() -> None:
 
 def test_unknown_release_is_refused() -> None:
     declaration = pilot()
-    with pytest.raises(UsageError, match="`galactic` is not a release") as refused:
+    with pytest.raises(UsageError, match="`galactic` is not a known release") as refused:
         profile_views(declaration, declaration.hosts["coastal-gateway"], "galactic")
-    assert refused.value.hint == f"available: {', '.join(RELEASES)}"
+    assert refused.value.hint == f"known releases: {', '.join(RELEASES)}"
 
 
 def test_every_declarable_distribution_is_known() -> None:

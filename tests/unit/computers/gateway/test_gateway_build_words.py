@@ -31,7 +31,7 @@ GNUTLS = (
         ("fatal: couldn't find remote ref refs/tags/v9", BuildTrouble.REVISION),
         (f"fatal: remote error: upload-pack: not our ref {'f' * 40}", BuildTrouble.REVISION),
         ("fatal: No url found for submodule path 'msgs' in .gitmodules", BuildTrouble.SUBMODULE),
-        ("fatal: add error: No space left on device\nfatal: index-pack failed", BuildTrouble.SPACE),
+        ("fatal: write error: No space left on device\nfatal: index-pack failed", BuildTrouble.SPACE),
         ("fatal: unable to access 'https://x/': Could not resolve host: x", BuildTrouble.LINK),
         ("error: RPC failed; curl 56 Recv failure\nfatal: the remote end hung up unexpectedly", BuildTrouble.LINK),
         (
@@ -49,7 +49,10 @@ def test_git_failures_are_distinguished(said: str, kind: BuildTrouble) -> None:
 
 
 def test_missing_and_wrong_token_are_distinguished() -> None:
-    assert "no the inventory says token" in about_git(ASKED, URL, "v1", has_token=False).message
+    assert (
+        "requires a token for https://gitlab.example.org/c4i/library.git, and the inventory has none"
+        in about_git(ASKED, URL, "v1", has_token=False).message
+    )
     assert "does not accept the inventory's token for" in about_git(REFUSED, URL, "v1", has_token=True).message
     assert "gateway's clock" in about_git(GNUTLS[1], URL, "v1", has_token=True).hint
 
@@ -57,7 +60,10 @@ def test_missing_and_wrong_token_are_distinguished() -> None:
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ('  Could not find a package configuration file provided by\n  "yaml-cpp" with any of', "wants `yaml-cpp`"),
+        (
+            '  Could not find a package configuration file provided by\n  "yaml-cpp" with any of',
+            "cmake needs `yaml-cpp`",
+        ),
         ("a.cpp:1:10: fatal error: yaml-cpp/yaml.h: No such file or directory", "the header yaml-cpp/yaml.h"),
         (
             "c++: fatal error: Killed signal terminated program cc1plus",

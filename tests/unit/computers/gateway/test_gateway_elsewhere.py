@@ -27,7 +27,7 @@ def found(root: Path, path: str, text: str) -> list[env_conflicts.Setting]:
         ("/etc/environment", f'{NAME}="1"'),
         ("/etc/profile.d/ros.sh", f"export {NAME}=1"),
         ("/etc/profile.d/ros.sh", f"A=b; export B {NAME}='1'; C=d"),
-        ("/etc/bash.bashrc", f"  set -x {NAME}=1 # for a lesson in the inventory"),
+        ("/etc/bash.bashrc", f"  declare -x {NAME}=1 # for a lesson"),
         ("/root/.bashrc", f"export {NAME}=1"),
         ("/home/odroid/.profile", f"{NAME}=1"),
         ("/home/odroid/.pam_environment", f"{NAME} DEFAULT=1"),

@@ -42,7 +42,7 @@ def test_clock_tolerance_includes_the_request_time(now: float, words: str | None
         ("0A400101,10.64.1.1,3,1,0,Normal\n", None),
         ("00000000,,0,0,0,Not synchronised\n", "chrony says `Not synchronised`"),
         ("7F7F0101,,10,0,0,Normal\n", "the clock follows itself"),
-        (None, "`tracking` cannot be queried"),
+        (None, "`tracking` cannot be asked"),
     ],
 )
 def test_clock_must_follow_a_source(tracking: str | None, words: str | None) -> None:
@@ -135,5 +135,5 @@ def test_journal_limit_is_judged(used: str, words: str | None) -> None:
 
 def test_example_inventory_contacts_no_computer() -> None:
     declaration = load(ROOT / "inventory")
-    with pytest.raises(NotReached, match="still holds example values"):
+    with pytest.raises(NotReached, match="still contains example values"):
         ask(declaration, Promises(declaration.hosts["coastal-gateway"]), None)

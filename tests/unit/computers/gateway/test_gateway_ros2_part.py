@@ -119,7 +119,7 @@ def test_snapshot_of_a_supported_release_needs_its_date(inventory: Path) -> None
 
 
 def test_release_is_unknown_without_dds(inventory: Path) -> None:
-    with pytest.raises(UsageError, match="which release of ROS 2"):
+    with pytest.raises(UsageError, match="the release of ROS 2 is unknown"):
         part(inventory, SNAPSHOT, None)
 
 
@@ -142,7 +142,7 @@ def test_archive_key_must_exist_and_match(inventory: Path, archive: StubArchive)
 
 
 @pytest.mark.parametrize(
-    ("content", "why"), [(b"<html>", "is no public key: it is neither"), (2, "holds 2 keys")], ids=["html", "two"]
+    ("content", "why"), [(b"<html>", "is not a public key: it is neither"), (2, "contains 2 keys")], ids=["html", "two"]
 )
 def test_invalid_key_file_is_refused(inventory: Path, archive: StubArchive, content: bytes | int, why: str) -> None:
     (inventory / "keys" / "own.asc").write_bytes(archive.key * content if isinstance(content, int) else content)

@@ -47,7 +47,8 @@ def test_running_program_is_inconclusive_and_not_restarted(gateway: Gateway) -> 
     assert gateway.judge(check=True).startswith("SKIP (silent)")
     assert not gateway.commands
     assert gateway.judge().startswith(
-        "INCONCLUSIVE: INCONCLUSIVE: example-robot ran for 15 s without an error; whether"
+        "INCONCLUSIVE: INCONCLUSIVE: example-robot ran for 15 s without an error; "
+        "only a person at the SCC can see whether"
     )
     assert "--uid=someone" in gateway.commands[-1]
     assert "--property=EnvironmentFile=/ros.env" in gateway.commands[-1]
@@ -65,9 +66,9 @@ def test_program_that_exits_cleanly_is_inconclusive(gateway: Gateway) -> None:
 
 
 def test_error_fails_and_is_retried(gateway: Gateway) -> None:
-    gateway.end = ProgramResult(2, "starting\nerror: C4i does not respond\n")
+    gateway.end = ProgramResult(2, "starting\nerror: C4i does not answer\n")
     with pytest.raises(
-        ModuleError, match=r"FAIL: example-robot ended with 2 .*:\nerror: C4i does not answer"
+        ModuleError, match=r"FAIL: example-robot exited with 2 .*:\nerror: C4i does not answer"
     ) as caught:
         gateway.judge()
     assert "C4i" in caught.value.hint

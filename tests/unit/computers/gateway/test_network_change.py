@@ -116,7 +116,7 @@ def test_configuration_not_in_effect_is_applied(box: Box) -> None:
     box.routes = []
     change = made(box, "ifupdown")
     assert change.stage() is not None
-    assert change.changes == ["network eth0 applied: no such playbook: default route via 10.64.1.1 on eth0"]
+    assert change.changes == ["network eth0 applied: there is no default route via 10.64.1.1 on eth0"]
     assert change.diff == []
 
 
@@ -173,7 +173,7 @@ def test_netplan_rejection_is_reported_in_its_own_words(box: Box) -> None:
 
 def test_missing_tool_is_reported(box: Box) -> None:
     (box.root / "usr/sbin/netplan").unlink()
-    with pytest.raises(ModuleError, match="netplan, which this computer does not have") as caught:
+    with pytest.raises(ModuleError, match="netplan, which is not installed on this computer") as caught:
         made(box, "netplan").stage()
     assert "apt-get install netplan.io" in caught.value.hint
 
@@ -218,7 +218,9 @@ def test_conflicting_file_added_later_is_reported(box: Box) -> None:
     settled(box, "netplan")
     box.put(CLOUD, OTHERS[CLOUD])
     change = made(box, "netplan")
-    with pytest.raises(ModuleError, match=r"the two would fight: /etc/netplan/50-cloud-init\.yaml"):
+    with pytest.raises(
+        ModuleError, match=r"other files configure eth0, too, and would conflict: /etc/netplan/50-cloud-init\.yaml"
+    ):
         change.stage()
     assert change.changes == []
 

@@ -216,6 +216,6 @@ def test_cloud_init_enabled_on_the_kernel_command_line_is_refused(words: str) ->
     """It has precedence over the file: cloud-init's generator asks it first."""
     seen = replace(SEEN, present=SEEN.present | {"/etc/cloud"}, boot_words={"boot.ini on the FAT partition": words})
     with pytest.raises(
-        facts.ImageError, match=r"boot\.ini on the FAT partition of the image tells the kernel `cloud-init"
+        facts.ImageError, match=r"boot\.ini on the FAT partition of the image enables cloud-init \(`cloud-init"
     ):
         plan(seen, WISH)

@@ -96,7 +96,7 @@ def test_hanging_robot_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
     monkeypatch.setattr(MODULE, "LIST_S", 0.6)
     robot = MODULE.Robot({**SETTINGS, "folder": str(tmp_path / "here"), "robot_address": "192.0.2.1"})
-    with pytest.raises(MODULE.Refused, match="sparus has not ended within 1 s, and is excluded"):
+    with pytest.raises(MODULE.Refused, match="sparus has not ended within 1 s, and is left out"):
         robot.list()
 
 
@@ -193,9 +193,9 @@ def test_missing_space_accounts_for_budget_and_partial_files(rsync: Rsync, robot
         (255, "No ED25519 host key is known for sparus", "host_key", "has not its declared SSH host key"),
         (12, "bash: line 1: rrsync: command not found", "program", "has no rrsync"),
         (23, 'rsync: [sender] opendir "/bags/x" failed: Permission denied (13)', "unread", "read all of the folder"),
-        (11, "rsync: add failed: No space left on device (28)", "disk", "the disk of this gateway is full"),
-        (255, "ssh: connect to host 192.0.2.1 port 22: No route to host", "", "sparus does not respond"),
-        (30, "rsync error: timeout in data send/receive", "", "sparus does not respond"),
+        (11, "rsync: write failed: No space left on device (28)", "disk", "the disk of this gateway is full"),
+        (255, "ssh: connect to host 192.0.2.1 port 22: No route to host", "", "sparus does not answer"),
+        (30, "rsync error: timeout in data send/receive", "", "sparus does not answer"),
     ],
 )
 def test_rsync_failures_are_explained(code: int, text: str, kind: str, words: str) -> None:
@@ -316,16 +316,16 @@ def test_plan_shows_the_robot_and_an_unreachable_one_is_not_green() -> None:
     look = {"files": 3, "bytes": 6_000_000, "compared": 0, "kept": 0, "writing": 0, "unnamed": 0, "before": 1.0}
     made = plan(DECLARED, source, "4g", {**look, "robot": robot})
     assert f"2 files on sparus, 5.0 MB: {GATEWAY} collects these first" in made.lines()
-    away = plan(DECLARED, source, "4g", {**look, "robot": {**robot, "state": "away", "why": "sparus does not respond"}})
-    assert "sparus was not searched: sparus does not respond" in away.lines()
+    away = plan(DECLARED, source, "4g", {**look, "robot": {**robot, "state": "away", "why": "sparus does not answer"}})
+    assert "sparus was not searched: sparus does not answer" in away.lines()
     told = {"state": "done", "files": 1, "arrived": 1, "running": False, "job": False, "wire_bytes": 1, "link": "4g"}
     assert RetrievalStatus(told, None, "sparus").exit is ExitCode.DONE
-    for more in ({"unseen": "sparus does not respond"}, {"left": {"robot": ["b"]}, "why": "sparus does not respond"}):
+    for more in ({"unseen": "sparus does not answer"}, {"left": {"robot": ["b"]}, "why": "sparus does not answer"}):
         found = RetrievalStatus({**told, **more}, None, "sparus")
         assert found.exit is ExitCode.CHECKS_FAILED
-        assert any("sparus does not respond" in line for line in found.lines("coastal"))
+        assert any("sparus does not answer" in line for line in found.lines("coastal"))
     goes_on = {**told, "state": "collecting", "running": True, "collected": 1, "collect": 3, "collected_bytes": 7}
-    assert RetrievalStatus(goes_on, None, "sparus").progress().startswith("collects from sparus, 1 of 3 files")
+    assert RetrievalStatus(goes_on, None, "sparus").progress().startswith("collecting from sparus, 1 of 3 files")
 
 
 def test_ambiguous_source_lists_the_choices() -> None:

@@ -114,10 +114,10 @@ def test_plan_shows_the_cost_and_sends_nothing(desk: Desk) -> None:
     printed = desk.type("link=satellite", "--plan", code=2)
     for words in (
         "3 files to send, 200 kB",
-        "1 file excluded: written to less than a minute ago",
+        "1 file skipped: written less than a minute ago",
         "over metered link satellite of coastal: about 284 kB",
         "EUR",
-        "priority the inventory says low takes 20 % of what satellite with",
+        "priority low uses 20 % of the rate of satellite in the inventory",
     ):
         assert words in printed
     assert desk.verbs() == ["look"]
@@ -143,7 +143,7 @@ def test_transfer_uses_the_link_in_use_and_ends_when_verified(desk: Desk) -> Non
 def test_incomplete_transfer_is_not_green(desk: Desk) -> None:
     in_use(desk, "wifi-ptp")
     desk.answers(status={**STATUS, "arrived": 2, "left": {"changed": ["bag/a"], "gone": [], "differ": []}})
-    assert "bag/a: changed while it was sent" in desk.type(code=6)
+    assert "bag/a: changed while being sent" in desk.type(code=6)
     desk.answers(status={**STATUS, "state": "failed", "why": "no room: 12 bytes are missing"})
     assert "no room: 12 bytes are missing" in desk.type(code=4)
     assert json.loads(desk.type("--json", code=4))["whole"] is False
@@ -173,7 +173,7 @@ def test_status_and_stop(desk: Desk) -> None:
     desk.answers(status=GOES_ON, stop={**GOES_ON, "state": "stopped", "running": False, "job": False})
     assert "in progress: 1 of 3 files complete, 260 kB sent over 4g" in desk.type("status", code=6)
     assert "stopped; received files stay at the control centre" in desk.type("stop")
-    assert "it takes no `files=`" in desk.type("files=a", "stop", code=3)
+    assert "it does not accept `files=`" in desk.type("files=a", "stop", code=3)
 
 
 def test_nothing_to_send_is_success_only_if_all_was_retrieved(desk: Desk) -> None:
@@ -214,7 +214,7 @@ def test_robot_recordings_are_collected_first(desk: Desk) -> None:
     [
         (
             {"state": "refused", "kind": "key", "why": "sparus does not admit the SSH host key of this gateway"},
-            f'authorized_keys of recorder on it: restrict,command="rrsync -ro /home/recorder/bags" {KEY} {GATEWAY}',
+            f'authorized_keys of recorder: restrict,command="rrsync -ro /home/recorder/bags" {KEY} {GATEWAY}',
         ),
         (
             {"state": "refused", "kind": "host_key", "why": "sparus has not its declared SSH host key"},
@@ -222,10 +222,10 @@ def test_robot_recordings_are_collected_first(desk: Desk) -> None:
         ),
         (
             {"state": "refused", "kind": "unread", "why": "sparus does not let its account read all of the folder"},
-            "let recorder read all of /home/recorder/bags on sparus",
+            "allow recorder to read all of /home/recorder/bags on sparus",
         ),
-        ({"state": "away", "why": "sparus does not respond"}, "switch it on"),
-        ({"lacking": 2_000_000}, "set a higher  in the inventory`budget_mb` of it in `retrieval.robots`"),
+        ({"state": "away", "why": "sparus does not answer"}, "switch it on, connect it to the gateway's LAN"),
+        ({"lacking": 2_000_000}, "raise its `budget_mb` in `retrieval.robots`"),
     ],
 )
 def test_unavailable_robot_is_refused_with_advice(desk: Desk, seen: dict[str, Any], words: str) -> None:
@@ -244,7 +244,7 @@ def test_missing_source_lists_the_choices(desk: Desk) -> None:
 def test_rehearsal_refuses_missing_tools_and_options(desk: Desk) -> None:
     desk.monkeypatch.setenv("PATH", "/nowhere")
     assert "rsync is not installed on this computer" in desk.type("--rehearse", code=3)
-    assert "it takes no `files=` and no `--plan`" in desk.type("--rehearse", "files=a", "--plan", code=3)
+    assert "it does not accept `files=` or `--plan`" in desk.type("--rehearse", "files=a", "--plan", code=3)
     assert "has no link `5g`" in desk.type("--rehearse", "link=5g", code=3)
     assert desk.verbs() == []
 

@@ -88,7 +88,7 @@ def test_only_identical_files_at_both_ends_are_green() -> None:
 
 def test_transfer_that_ended_silently_is_reported_as_lost() -> None:
     assert status(state="sending").state == "lost"
-    assert "without output" in status(state="sending").lines("coastal")[0]
+    assert "ended without notice" in status(state="sending").lines("coastal")[0]
     assert status(state="sending", job=True).state == "sending", "its unit begins again"
 
 
@@ -174,7 +174,7 @@ def test_each_end_checks_its_declared_host_key() -> None:
     for name in (GATEWAY, CENTRE):
         (check,) = retrieval(declaration, declaration.hosts[name]).checks
         assert check.run == ("grep", "-qF", f" {KEY.split()[1]}", "/etc/ssh/ssh_host_ed25519_key.pub")
-        assert "is not the declared one" in check.finding
+        assert "differs from the inventory" in check.finding
         assert retrieval(declaration, declaration.hosts[name], is_rehearsal=True).checks == ()
 
 

@@ -97,7 +97,7 @@ def test_lost_link_is_retried_and_refusal_is_not(sender: Any, code: int, text: s
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("rsync: [receiver] add failed: No space left on device (28)", "the disk of the control centre is full"),
+        ("rsync: [receiver] write failed: No space left on device (28)", "the disk of the control centre is full"),
         (
             "atlantis: option not admitted: --delete\nrsync error: in protocol data stream",
             "refuses it (atlantis: option",

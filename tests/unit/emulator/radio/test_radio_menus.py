@@ -108,7 +108,7 @@ def test_monitor_once() -> None:
 
 def test_radio_pair_needs_two_different_existing_radios() -> None:
     twins = tuple(EmulatorSpec(router=RouterSpec(name=name)) for name in ("near", "far"))
-    with pytest.raises(ValueError, match="no such playbook: radio wlan1 on a twin called near"):
+    with pytest.raises(ValueError, match="there is no radio wlan1 on a twin called near"):
         SiteSpec(name="quay", emulators=twins, pairs=(RadioPair(near="near", far="far"),))
     with pytest.raises(ValueError, match="cannot be both ends"):
         RadioPair(near="one", far="one")

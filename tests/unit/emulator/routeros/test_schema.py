@@ -16,7 +16,7 @@ DATA = resources.files("atlantis_netcfg.emulator.routeros").joinpath("data")
 
 
 def test_data_files_match_checksums_and_readme() -> None:
-    sums = DATA.joinpath("checksum of the vendor's image (default: file beside it)").read_text(encoding="utf-8")
+    sums = DATA.joinpath("SHA256SUMS").read_text(encoding="utf-8")
     listed = {name: digest for digest, name in (line.split() for line in sums.splitlines())}
     assert len(listed) == 5
     for name, digest in listed.items():

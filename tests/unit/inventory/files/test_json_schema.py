@@ -33,7 +33,7 @@ def seen(case: str, folder: Path) -> str:
 
 def test_shipped_schemas_match_the_model() -> None:
     shipped = {path.name: path.read_text(encoding="utf-8") for path in (SHIPPED / json_schema.FOLDER).iterdir()}
-    assert shipped == json_schema.texts(), "add them: python -m atlantis_netcfg.inventory.json_schema"
+    assert shipped == json_schema.texts(), "write them: python -m atlantis_netcfg.inventory.json_schema"
 
 
 @for_each_row("path", files(SHIPPED), ids=lambda path: path.stem)

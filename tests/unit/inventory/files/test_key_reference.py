@@ -14,7 +14,7 @@ ROWS = [[cell.strip() for cell in line.split(" | ")] for line in PAGE.splitlines
 
 
 def test_page_matches_the_model() -> None:
-    assert text(CHECKOUT / "inventory") == PAGE, "add it: python -m atlantis_netcfg.inventory.key_reference"
+    assert text(CHECKOUT / "inventory") == PAGE, "write it: python -m atlantis_netcfg.inventory.key_reference"
 
 
 def test_every_row_has_a_type_a_default_a_meaning_and_an_example() -> None:

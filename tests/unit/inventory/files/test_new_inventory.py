@@ -106,7 +106,7 @@ def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None
         (["douro", "boat", "--answers", "answers.yml"], "unexpected argument"),
         (["no/such/folder", "--answers", "answers.yml"], "the folder above no/such/folder does not exist"),
         (["answers.yml", "--from", "example"], "answers.yml is not a folder"),
-        (["douro", "--answers", "nowhere.yml"], "cannot read the responses: nowhere.yml"),
+        (["douro", "--answers", "nowhere.yml"], "the answers cannot be read: nowhere.yml"),
         (["douro"], "no terminal to ask questions; nothing was written"),
     ],
 )
@@ -120,7 +120,7 @@ def test_non_empty_folder_is_left_alone(capsys: pytest.CaptureFixture[str]) -> N
     Path("douro").mkdir()
     Path("douro/letter.txt").write_text("mine", encoding="utf-8")
     assert main(["inventory", "init", "douro", "--from", "example"]) == ExitCode.USAGE
-    assert "douro has something in it" in capsys.readouterr().err
+    assert "douro is not empty, so nothing was written" in capsys.readouterr().err
     assert [path.name for path in Path("douro").iterdir()] == ["letter.txt"]
 
 
@@ -135,9 +135,9 @@ def test_invalid_answers_are_reported_with_their_lines(capsys: pytest.CaptureFix
     )
     assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
     said = capsys.readouterr().err.splitlines()
-    assert said[0].startswith("answers.yml:1:31: `spain` is not a word for `country`")
+    assert said[0].startswith("answers.yml:1:31: `spain` is not a valid value for `country`")
     assert said[2:4] == ["answers.yml:4:10: 10.0.0.0/30 is too small here", "  -> use a network of /26 or larger"]
-    assert said[-1] == "2 errors in the responses; nothing was written"
+    assert said[-1] == "2 errors in the answers; nothing was written"
     assert not Path("douro").exists()
 
 

@@ -98,7 +98,7 @@ def vault(mark: Mark, secret: str) -> None:
 @pytest.mark.parametrize(
     ("secret", "problem"),
     [
-        ("EXAMPLE-of-a-secret-that-is-vaulted", "` is in the vault, but is still an example"),
+        ("EXAMPLE-of-a-secret-that-is-vaulted", "is in the vault, but is still an example"),
         ("a" * 24, "is easy to guess"),
         ("password12345678", "is easy to guess"),
         ("coastal-router-2026", "is easy to guess"),

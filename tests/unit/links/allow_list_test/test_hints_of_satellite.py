@@ -206,7 +206,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
         7,
         ["coastal-router True None"],
     ),
-    "not tested": (not_tried, "`provision measure satellite site={} --try-all`", 7, ["coastal-router True None"]),
+    "not tried": (not_tried, "`provision measure satellite site={} --try-all`", 7, ["coastal-router True None"]),
     "rows that stay": (
         rows_that_stay,
         "remove the rows with comment `{}`, or run the site, which also removes them: `provision site=…`",
@@ -220,7 +220,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
         [],
     ),
     "never met": (never_met, TRUST, 7, ["trust"]),
-    "if the device was replaced": (
+    "another box": (
         another_box,
         (
             "{}; only if they are equal and it was renewed on purpose: `provision device trust site=…` asks you to "

@@ -135,7 +135,9 @@ def test_with_filter_opened_for_one_host_the_terminal_decides(answers: bool, out
 
 def test_filter_is_not_opened_without_safe_mode() -> None:
     router = Fake(beyond={ADDED: 0}, safe_mode=False)
-    with pytest.raises(DeviceError, match="nothing was changed for the proof: no such command prefix"):
+    with pytest.raises(
+        DeviceError, match="cannot enter safe mode, so nothing was changed for the test: no such command prefix"
+    ):
         prove(router, proving(open_filter=True))
     assert not any(command.path == "/ip/firewall/filter/add" for command in router.sent)
 
@@ -174,7 +176,7 @@ def test_session_over_the_tested_satellite_is_included_in_the_bill() -> None:
     what = found.proving(DECLARED, is_rehearsal=True)
     assert what.carrier == "satellite"
     (expected,) = previews(DECLARED, what)
-    assert expected.words.startswith("over satellite of te4sea, which is metered: up to ")
+    assert expected.words.startswith("over metered link satellite of te4sea: up to ")
     what.port = "ether3"
     proof = prove(Fake(burst_bytes=2_000), what)
     (bill,) = bills(DECLARED, proof, 90.0).values()

@@ -79,7 +79,7 @@ def test_server_replies_over_the_satellite_and_no_row_remains() -> None:
     # The tunnels of the site, which have other senders, stay where they are.
     assert {
         "action": "lookup-only-in-table",
-        "comment": "atlantis: for a proof, rolled back after it",
+        "comment": "atlantis: for a proof, taken back after it",
         "src-address": f"{LAPTOP}/32",
         "dst-address": "203.0.113.2/32",
         "table": "via-satellite",
@@ -155,7 +155,7 @@ def trial(folder: Path, twins: object = None) -> vpn.VpnQuestion | NetcfgError:
 def test_missing_member_identity_is_reported(tmp_path: Path) -> None:
     made = trial(tmp_path)
     assert isinstance(made, UsageError)
-    assert str(made) == "no such playbook: identity of coastal-router on this computer"
+    assert str(made) == "there is no identity of coastal-router on this computer"
 
 
 def test_computer_outside_the_site_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,7 +166,7 @@ def test_computer_outside_the_site_is_refused(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(elsewhere, lambda *_: IPv4Address("192.0.2.9"))
     made = trial(tmp_path)
     assert isinstance(made, UsageError)
-    assert "only packets from networks of `coastal` pass its router" in str(made)
+    assert "but the router forwards only packets from networks of `coastal`" in str(made)
 
 
 def test_rehearsal_without_openvpn_is_reported_as_not_rehearsed(

@@ -19,7 +19,7 @@ def route(gateway: str, **values: str) -> Row:
 CASES: dict[str, tuple[list[Row], str | None]] = {
     "no route at all": ([], None),
     "one canary": ([route("198.51.100.11", distance="10")], "wifi-ptp"),
-    "both probes of one link are one bearer": ([route("198.51.100.11"), route("198.51.100.12")], "wifi-ptp"),
+    "both canaries of one link are one bearer": ([route("198.51.100.11"), route("198.51.100.12")], "wifi-ptp"),
     "two links at once": ([route("198.51.100.11"), route("198.51.100.21")], None),
     "a stranger's route beside ours": ([route("198.51.100.11"), route("192.0.2.77")], None),
     "a stranger's route": ([route("192.0.2.77")], None),

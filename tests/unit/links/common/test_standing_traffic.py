@@ -107,7 +107,7 @@ def test_permanent_traffic_is_reported_separately() -> None:
     assert traffic.month_bytes == 30 * traffic.day_bytes
     assert traffic.words == (
         "4.0 MB per day, 119.0 MB per month while it carries the traffic: price unknown",
-        "per day: probes 968 kB, DDS 3.0 MB",
+        "per day: canaries 968 kB, DDS 3.0 MB",
         "968 kB per day while another link carries the traffic",
     )
     assert traffic.only(standing_traffic.TrafficSource.DDS).flows == (said,)
@@ -130,7 +130,7 @@ def test_unmetered_link_has_no_price() -> None:
         MeteredLink("wifi-ptp", "quay", is_metered=False),
         (standing_traffic.StandingFlow(standing_traffic.TrafficSource.VPN, 1000, 1000),),
     )
-    assert traffic.words == ("2.0 kB a day, 60 kB a month while it carries the traffic", "per day: VPN 2.0 kB")
+    assert traffic.words == ("2.0 kB per day, 60 kB per month while it carries the traffic", "per day: VPN 2.0 kB")
     assert traffic.as_dict()["bill_month"] is None
 
 

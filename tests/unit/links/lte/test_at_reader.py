@@ -58,7 +58,7 @@ def test_reading_twice_gives_the_same_result() -> None:
 def test_silent_modem_is_reported() -> None:
     with modem(mute_after=4) as running, pytest.raises(at.AtSilent) as caught:
         at.read(running.path, answer_s=0.2)
-    assert "no response to AT+CGREG? within 0.2 s" in str(caught.value)
+    assert "no answer to AT+CGREG? within 0.2 s" in str(caught.value)
 
 
 def test_disappeared_modem_is_reported() -> None:

@@ -53,7 +53,7 @@ def test_endless_reply_is_abandoned(tmp_path: Path, answer: Callable[[ssl.SSLSoc
 
     with served(tmp_path, serve) as unit:
         at = RutosEndpoint("127.0.0.1", unit.port, "reader", Secret("x"), unit.fingerprint, timeout_s=0.5)
-        with pytest.raises(RutosUnreachable, match="has not ended its answer within 1 s"):
+        with pytest.raises(RutosUnreachable, match="the 4G unit did not complete its response within 1 s"):
             read(at)
 
 

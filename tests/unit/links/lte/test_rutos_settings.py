@@ -86,7 +86,7 @@ def test_pin_is_set_only_while_the_sim_requires_it() -> None:
         (HOME, PIN, "sent at noon", None),
         (LOCKED, PIN, "", None),
         (LOCKED, PIN, "sent at noon", "sent at noon"),
-        (LOCKED, None, "", "none in the inventory"),
+        (LOCKED, None, "", "but the inventory has none"),
         (dataclasses.replace(LOCKED, pin_refused=True), PIN, "", "the SIM refused the PIN"),
         (dataclasses.replace(LOCKED, pin_tries_left=1), PIN, "", "the SIM has one PIN try left"),
         (dataclasses.replace(LOCKED, state=Registration.SIM_PUK_REQUIRED), PIN, "", "asks for its PUK"),

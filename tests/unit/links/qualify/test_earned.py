@@ -62,7 +62,7 @@ def test_tail_percentiles_of_few_replies_are_inconclusive() -> None:
     assert {item.verdict for name, item in judged.items() if name.startswith("FLR")} >= {Verdict.FAIL}
     for criterion in ("FTD, round trip, 95 %", "FDV up, 95 %", "FDV down, 95 %"):
         assert judged[criterion].verdict is Verdict.INCONCLUSIVE, criterion
-        assert "answers" in judged[criterion].reason
+        assert "responses" in judged[criterion].reason
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def test_one_way_variation_without_a_common_clock() -> None:
         )
     assert figures.up is not None
     assert figures.down is not None
-    assert figures.down.ipdv_p95_s > 3 * figures.up.ipdv_p95_s, "the ways differ, and are reported apart"
+    assert figures.down.ipdv_p95_s > 3 * figures.up.ipdv_p95_s, "the ways differ, and are told apart"
 
 
 def test_one_way_delay_needs_two_synchronised_clocks() -> None:
@@ -145,7 +145,7 @@ def test_reordering_per_direction() -> None:
         assert measured > 0
     assert figures.reordered_up is not None
     assert figures.reordered_down is not None
-    assert figures.reordered_up > 2 * figures.reordered_down, "the ways differ, and are reported apart"
+    assert figures.reordered_up > 2 * figures.reordered_down, "the ways differ, and are told apart"
 
 
 def _overtaken(arrivals: list[int]) -> float:

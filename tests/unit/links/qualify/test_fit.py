@@ -175,8 +175,8 @@ def test_loss_applies_to_each_fragment(shipped: Inventory, tmp_path: Path) -> No
     assert camera.cost.fragments == 6
     assert camera.message_loss == again.message_loss == pytest.approx(1 - (1 - loss) ** 6)
     said = [words for words in link.warnings if "of the messages would be incomplete" in words]
-    assert [words.split()[1] for words in said] == ["/camera"]
-    assert any("/again takes 22 packets, because it is reliable" in words for words in link.warnings)
+    assert [words.split()[1] for words in said] == ["/camera,"]
+    assert any("a reliable message of /again takes 22 packets" in words for words in link.warnings)
 
 
 def test_point_clouds_are_thinned_before_images_and_numbers(shipped: Inventory, tmp_path: Path) -> None:
@@ -268,7 +268,7 @@ def test_unknown_names_are_reported(
 
 def test_run_applies_to_its_link_only(shipped: Inventory, tmp_path: Path) -> None:
     run = kept(tmp_path)
-    with pytest.raises(UsageError, match="has measured satellite, not 4g"):
+    with pytest.raises(UsageError, match="Z measured satellite, not 4g"):
         fit(shipped, tmp_path, POSE, run=run, link="4g")
     assert [link.link.name for link in fit(shipped, tmp_path, POSE, run=run).links] == ["satellite"]
 

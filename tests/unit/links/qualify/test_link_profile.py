@@ -147,7 +147,7 @@ def test_profile_has_measured_rates_and_mtu_of_the_run() -> None:
     run(net, peer, [load], unlimited(net))
     profile = profile_of(measured_run(), recording.samples)
     assert profile.up.rate_bps == pytest.approx(352_000, rel=tolerances()["goodput_share"])
-    assert profile.down.rate_bps is None, "not measured, so it stays as in the inventory"
+    assert profile.down.rate_bps is None, "not measured, so it stays as declared"
     up, down = build_shapes(profile, 1.0, 704_000.0)
     assert up.rate_bps == profile.up.rate_bps
     assert (down.rate_bps, up.mtu, down.mtu) == (704_000.0, 1400, 1380)

@@ -86,7 +86,7 @@ def test_incomplete_message_ends_when_the_receiver_reports_it() -> None:
     figures = _sent(net, MessagePlan(5_000, 1, 2, timeout_s=5))
     assert figures is not None
     assert (figures.received_count, figures.lost_count, figures.unknown) == (0, 2, 0)
-    assert net.now < (1 + 5 + 1) * SECOND, "required: the last begins after 1 s and after 5 s"
+    assert net.now < (1 + 5 + 1) * SECOND, "the last begins after 1 s and is asked for after 5 s"
 
 
 def _search(net: SimulatedNetwork, size: int, **more: float) -> SustainedRate:
@@ -207,7 +207,7 @@ def test_gap_does_not_reduce_the_path_mtu() -> None:
 def test_a_far_end_that_is_silent_has_no_mtu() -> None:
     net = network(LinkShape(loss=1.0))
     found = path_mtu(net, ReflectorPeer(KEY), unlimited(net), timeout_s=1)
-    assert (found.up, found.both, found.why) == (None, None, "no response for 90 s")
+    assert (found.up, found.both, found.why) == (None, None, "nothing was answered for 90 s")
 
 
 def test_grids_pass_sustained_rates_and_state_the_unknown_shape() -> None:

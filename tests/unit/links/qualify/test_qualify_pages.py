@@ -78,7 +78,7 @@ def test_run_without_round_trips_is_inconclusive() -> None:
     text = "\n".join(screen(record))
     assert shown == []
     assert "No round trips were measured." in text
-    assert "INCONCLUSIVE: nothing was judged" in text
+    assert "INCONCLUSIVE: no criterion was checked" in text
 
 
 class _Page(HTMLParser):

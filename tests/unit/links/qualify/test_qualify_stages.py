@@ -207,7 +207,7 @@ def test_only_a_complete_run_over_the_right_route_is_done(changes: dict[str, obj
 def test_silent_link_never_passes() -> None:
     dead = network(LinkShape(loss=1.0), LinkShape())
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, net=dead)
-    assert measured.measure() == "no response"
+    assert measured.measure() == "no answer"
     for cell in measured.plan.cells[:2]:
         measured._measure_cell(cell)
     measured._search_rate(200)
@@ -296,7 +296,7 @@ def test_a_measurement_starts_the_program_at_the_far_end(ssh: Path) -> None:
 def test_far_end_with_another_host_key_is_reported(ssh: Path) -> None:
     (ssh / "says").write_text("echo '@ REMOTE HOST IDENTIFICATION HAS CHANGED! @' >&2; exit 255")
     with pytest.raises(
-        FarEndUnavailable, match=r"scc-control at 10\.64\.0\.11: it shows another SSH host key"
+        FarEndUnavailable, match=r"scc-control at 10\.64\.0\.11: it shows a different SSH host key than before"
     ) as closed:
         open_far_end(DECLARED, Request(state=ssh))
     assert "`ssh-keygen -R scc-control`" in str(closed.value.hint)
@@ -328,7 +328,7 @@ def test_tunnel_over_tcp_cannot_be_rerouted() -> None:
 
 
 def test_a_computer_without_a_tunnel_measures_nothing_in_the_vpn() -> None:
-    with pytest.raises(UsageError, match=r"no tunnel of its own that is up: it would send to 127\.0\.0\.1 from 127"):
+    with pytest.raises(UsageError, match=r"this computer has no active tunnel: it would send to 127\.0\.0\.1 from 127"):
         source_in_vpn(DECLARED, "127.0.0.1", 862)
 
 
@@ -357,7 +357,10 @@ def test_vpn_overhead_is_charged_and_within_the_announced_bytes(selection: Selec
 
 
 def test_computer_outside_the_site_is_refused_with_a_reason() -> None:
-    with pytest.raises(UsageError, match=r"would send from 127\.0\.0\.1, and only packets from networks of `coastal`"):
+    with pytest.raises(
+        UsageError,
+        match=r"would send from 127\.0\.0\.1, but the router forwards only packets from networks of `coastal`",
+    ):
         source_of(DECLARED, "coastal", "127.0.0.1", 862)
 
 

@@ -108,7 +108,7 @@ def test_dead_link_ends_early_and_the_others_are_measured() -> None:
     found = together(stand)
     assert [(each.run.link, each.run.reason) for each in found.results] == [
         ("wifi-ptp", "done"),
-        ("4g", "no response"),
+        ("4g", "no answer"),
         ("satellite", "done"),
     ]
     assert [each.exit for each in found.results] == [ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.DONE]
@@ -185,14 +185,14 @@ def test_price_limit_needs_a_tariff_in_the_same_currency() -> None:
     limits = BudgetLimits(max_price=Decimal(1))
     assert preview(SATELLITE, limits, DECLARED)
     assert preview(WIFI, limits, DECLARED)
-    with pytest.raises(UsageError, match="the tariff of `4g` is not in the inventory in EUR") as caught:
+    with pytest.raises(UsageError, match="the tariff of `4g` in the inventory is not in EUR") as caught:
         preview(MOBILE, limits, DECLARED)
-    assert caught.value.hint == "declare `billing` of link `4g` in group_vars/coastal.yml"
+    assert caught.value.hint == "set `billing` of link `4g` in group_vars/coastal.yml in the inventory"
     billing = SATELLITE.billing
     assert billing is not None
     dollars = MOBILE.model_copy(update={"billing": billing.model_copy(update={"currency": "USD"})})
     site = DECLARED.sites["coastal"].model_copy(update={"bearers": (WIFI, dollars, SATELLITE)})
-    with pytest.raises(UsageError, match="the tariff of `4g` is not in the inventory in EUR"):
+    with pytest.raises(UsageError, match="the tariff of `4g` in the inventory is not in EUR"):
         preview(dollars, limits, replace(DECLARED, sites={**DECLARED.sites, "coastal": site}))
 
 

@@ -299,5 +299,5 @@ def test_stop_keeps_samples_and_truncated_line_is_skipped() -> None:
 
 def test_edited_line_is_reported() -> None:
     lines = ['{"kind":"end","stream":"a","ended_at_ns":5,"reason":"done"}\n', '{"kind":"end","stream":"a"}\n']
-    with pytest.raises(SamplesUnreadable, match=r"run.jsonl:2: this line is not a measurement sample"):
+    with pytest.raises(SamplesUnreadable, match=r"run\.jsonl:2: this line is not a measurement sample"):
         list(read(lines, "run.jsonl"))

@@ -34,15 +34,15 @@ VPN = NamedTarget("VPN server", "vpn.example.org", "203.0.113.2", "pilot.vpn in 
         ({"203.0.113.2"}, None),
         (
             {"203.0.113.9"},
-            (Verdict.FAIL, "allow-list-name-moved", "resolves it to 203.0.113.9, the allow-list admits 203"),
+            (Verdict.FAIL, "allow-list-name-moved", "resolves it to 203.0.113.9, the allow-list permits 203"),
         ),
         (
             {"203.0.113.8", "203.0.113.9"},
-            (Verdict.FAIL, "allow-list-name-moved", "203.0.113.8, 203.0.113.9, the allow-list admits 203.0.113.2"),
+            (Verdict.FAIL, "allow-list-name-moved", "203.0.113.8, 203.0.113.9, the allow-list permits 203.0.113.2"),
         ),
         ({"203.0.113.2", "203.0.113.9"}, (Verdict.WARN, "allow-list-name-has-more", "but also 203.0.113.9")),
-        (set(), (Verdict.WARN, "allow-list-name-unknown", "this computer knows no address of vpn.example.org")),
-        (None, (Verdict.INCONCLUSIVE, "allow-list-name-not-asked", "could not ask for vpn.example.org (VPN server)")),
+        (set(), (Verdict.WARN, "allow-list-name-unknown", "this computer finds no address for vpn.example.org")),
+        (None, (Verdict.INCONCLUSIVE, "allow-list-name-not-asked", "could not resolve vpn.example.org (VPN server)")),
     ],
 )
 def test_moved_name_is_reported(resolved: set[str] | None, told: tuple[Verdict, str, str] | None) -> None:
@@ -120,7 +120,7 @@ FORBIDDEN = replace(ALLOWED, expected_outcome=ExpectedOutcome.REFUSED, outcome=P
     ("attempt", "verdict", "words"),
     [
         (ALLOWED, Verdict.PASS, "was reached after 71 s over the satellite"),
-        (replace(ALLOWED, outcome=ProbeOutcome.SILENT), Verdict.FAIL, "did not answer in 90 s"),
+        (replace(ALLOWED, outcome=ProbeOutcome.SILENT), Verdict.FAIL, "did not respond within 90 s"),
         (
             replace(ALLOWED, outcome=ProbeOutcome.SILENT, window_s=89.9),
             Verdict.INCONCLUSIVE,
@@ -137,9 +137,9 @@ FORBIDDEN = replace(ALLOWED, expected_outcome=ExpectedOutcome.REFUSED, outcome=P
         (
             replace(ALLOWED, outcome=ProbeOutcome.NOT_TRIED, note="no way"),
             Verdict.INCONCLUSIVE,
-            "could not be tried: no way",
+            "could not be tested: no way",
         ),
-        (FORBIDDEN, Verdict.PASS, "was not reached in 90 s"),
+        (FORBIDDEN, Verdict.PASS, "was not reached within 90 s"),
         (replace(FORBIDDEN, outcome=ProbeOutcome.REFUSED_HERE), Verdict.PASS, "nothing was sent"),
         (
             replace(FORBIDDEN, outcome=ProbeOutcome.ANSWERED),

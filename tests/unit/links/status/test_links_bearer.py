@@ -76,7 +76,7 @@ def test_duplicate_address_is_reported_on_both_links() -> None:
     found = twice(both)
     assert [name for name, _ in found] == ["4g", "sat"]
     assert {one.code for _, one in found} == {"address-twice"}
-    assert "192.168.1.1 responses on ether2 (4g) and ether3 (sat)" in found[0][1].message
+    assert "192.168.1.1 responds on ether2 (4g) and ether3 (sat)" in found[0][1].message
     assert twice(both[:1]) == ()
 
 

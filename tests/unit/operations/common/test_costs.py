@@ -83,7 +83,9 @@ def routes(*bearers: str) -> Observation:
 
 @pytest.mark.parametrize("mode", list(Mode))
 def test_metered_link_needs_consent(declaration: Inventory, tmp_path: Path, mode: Mode) -> None:
-    with pytest.raises(CostRefusal, match=r"nothing was sent: over satellite of coastal, .* [0-9.]+ EUR$") as refused:
+    with pytest.raises(
+        CostRefusal, match=r"nothing was sent: over metered link satellite of coastal: .* [0-9.]+ EUR$"
+    ) as refused:
         require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode))
     assert refused.value.exit is ExitCode.FAILED
     assert "`--accept-cost`" in (refused.value.hint or "")
@@ -95,7 +97,7 @@ def test_gateway_over_a_metered_link_needs_consent(declaration: Inventory, tmp_p
     over = {"via": {gateway.name: "satellite"}, "command": "provision site=coastal"}
     for mode in (Mode.PLAN, Mode.APPLY, Mode.DRIFT):
         asked = Request(state=tmp_path, mode=mode, **over)
-        with pytest.raises(CostRefusal, match="nothing was sent: over satellite of coastal"):
+        with pytest.raises(CostRefusal, match="nothing was sent: over metered link satellite of coastal: "):
             require_consent(declaration, [gateway], asked)
         require_consent(declaration, [gateway], asked.model_copy(update={"accept_cost": True}))
     (look,) = preview_costs(declaration, [gateway], Request(state=tmp_path, mode=Mode.PLAN, **over))
@@ -128,12 +130,12 @@ def test_a_rehearsal_costs_nothing(declaration: Inventory, tmp_path: Path) -> No
 
 def test_unknown_link_is_always_refused(declaration: Inventory, tmp_path: Path) -> None:
     for more in ({"rehearsed": True}, {"accept_cost": True}, {}):
-        with pytest.raises(UsageError, match="coastal has no such bearer"):
+        with pytest.raises(UsageError, match="coastal has no such link"):
             require_consent(declaration, [declaration.hosts[ROUTER]], request(tmp_path, "uplink", **more))
 
 
 def test_consent_does_not_lift_the_cap(declaration: Inventory, tmp_path: Path) -> None:
-    with pytest.raises(CostRefusal, match=r"no action may send more than 1\.0 kB there") as refused:
+    with pytest.raises(CostRefusal, match=r"the limit for one action is 1\.0 kB") as refused:
         require_consent(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, accept_cost=True))
     assert "`cap_mb` of link `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
 
@@ -154,7 +156,7 @@ def test_unit_without_its_own_link_is_reached_like_its_router(declaration: Inven
     assert named.link.name == "4g"
     assert preview_costs(declaration, [unit], Request(state=tmp_path, via={"te4sea-router": "lan"})) == ()
     assert preview_costs(declaration, [declaration.hosts["te4sea-sat"]], Request(state=tmp_path)) == ()
-    with pytest.raises(CostRefusal, match="nobody has agreed to pay"):
+    with pytest.raises(CostRefusal, match="the cost was not accepted"):
         require_consent(declaration, [unit], Request(state=tmp_path, mode=Mode.PLAN))
 
 
@@ -214,7 +216,7 @@ def test_direct_apply_call_needs_consent(
     real = replace(declaration, pilot=declaration.pilot.model_copy(update={"example_values": False}))
     monkeypatch.setattr(apply, "open_inventory", lambda *_, **__: real)
     for plan_only in (True, False):
-        with pytest.raises(CostRefusal, match="nobody has agreed to pay"):
+        with pytest.raises(CostRefusal, match="the cost was not accepted"):
             apply.perform(INVENTORY, ["te4sea-router"], {"state": str(tmp_path)}, plan_only=plan_only, decrypt=str)
     assert not (tmp_path / "real").exists()
 
@@ -260,7 +262,7 @@ def test_run_stops_when_traffic_falls_back_to_a_metered_link(declaration: Invent
         f"the inventory reaches {ROUTER} over wifi-ptp, but its traffic uses 4g now, which is metered: wifi-ptp is down"
     )
     assert refused.refusal is not None
-    assert refused.refusal.startswith("the cost was not accepted: over 4g of coastal")
+    assert refused.refusal.startswith("the cost was not accepted: over metered link 4g of coastal: ")
     assert refused.hint == "run the same command with `--accept-cost`, or wait until wifi-ptp is up again"
     for harmless in ({"spends": False, "is_plan": False}, {"spends": True, "is_plan": True}):
         told = meter.judge(routes("4g"), SMALL, **harmless)
@@ -272,7 +274,7 @@ def test_run_stops_when_traffic_falls_back_to_a_metered_link(declaration: Invent
 def test_better_link_than_declared_is_noted_without_a_refusal(declaration: Inventory, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
     admission = meter.judge(routes("wifi-ptp"), SMALL, spends=True, is_plan=False)
-    assert admission.notes[0].endswith("but its traffic goes over wifi-ptp now")
+    assert admission.notes[0].endswith("but its traffic uses wifi-ptp now")
     assert admission.refusal is None
     assert not meter.link.is_metered
 
@@ -289,7 +291,7 @@ def test_plan_beyond_the_cap_is_refused_despite_consent(
 ) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
     refused = meter.judge(routes(), HUGE, spends=True, is_plan=planned)
-    assert "no action may send more than 5.0 MB there" in (refused.refusal or "")
+    assert "the limit for one action is 5.0 MB" in (refused.refusal or "")
     assert meter.judge(routes(), HUGE, spends=False, is_plan=planned).refusal is None
 
 

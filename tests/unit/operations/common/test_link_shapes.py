@@ -96,7 +96,7 @@ def test_a_run_is_found_by_its_name_or_by_its_path(tmp_path: Path) -> None:
 
 
 def test_replay_of_an_unknown_link_is_refused() -> None:
-    with pytest.raises(UsageError, match="the run is of link `mesh`, which coastal has not") as refused:
+    with pytest.raises(UsageError, match="the run measured link `mesh`, which coastal does not have") as refused:
         Replay(_profile("mesh"), "it").refuse_elsewhere(DECLARED, ["coastal"])
     assert refused.value.hint == "its links are: wifi-ptp, 4g, satellite"
     Replay(_profile(), "it").refuse_elsewhere(DECLARED, ["scc", "coastal"])
@@ -105,8 +105,8 @@ def test_replay_of_an_unknown_link_is_refused() -> None:
 def test_replay_text_names_the_run_and_its_figures() -> None:
     words = Replay(_profile(), "it").words
     assert words == (
-        "Replay: link satellite is as run satellite-20261126T022248Z at coastal measured it: 620 ms, "
-        "loss 1.2 % up and 0.0 % down, 2 gaps in 120 s"
+        "Replay: link satellite as measured by run satellite-20261126T022248Z at coastal: 620 ms, "
+        "loss 1.2 % up and 0.0 % down, 2 outages in 120 s"
     )
     reported = Replay(_profile(), "it").not_rehearsed
     assert reported == "link satellite in its current state: this was a replay of run satellite-20261126T022248Z"

@@ -64,7 +64,9 @@ def test_emulator_has_the_declared_sim() -> None:
 
 
 def test_adoption_cannot_be_rehearsed() -> None:
-    with pytest.raises(UsageError, match="coastal-4g has one port, by which the laptop would cut itself off") as caught:
+    with pytest.raises(
+        UsageError, match="coastal-4g has only one port, and the laptop would cut its own connection"
+    ) as caught:
         factory_spec(DECLARATION, BOX)
     assert caught.value.hint is not None
 

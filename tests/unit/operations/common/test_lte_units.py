@@ -154,7 +154,7 @@ def test_without_an_admin_user_settings_are_only_checked(deck: Deck) -> None:
     result = deck.run()
     assert ends(result) == ("unchanged", 0, 0)
     assert result["message"].startswith("checked only; registered home")
-    assert "no the inventory says `admin_user`" in result["notes"][-1]
+    assert "no `admin_user` under `access`" in result["notes"][-1]
     assert twin.shell.commands == []
 
 
@@ -172,9 +172,9 @@ def test_wrong_pin_is_tried_only_once_even_if_the_inventory_changes(deck: Deck) 
     twin = deck.unit(sim=RutosSim(pin="98979695"))
     first = deck.run()
     assert (first["exit"], twin.modem.attempts, first["planned"], first["confirmed"]) == (6, 1, 1, 0)
-    assert first["message"].startswith("0 settings applied and verified, the PIN rolled back; ")
+    assert first["message"].startswith("0 settings applied and verified, PIN removed; ")
     assert "pincode" not in twin.export()
-    assert "the SIM refused the PIN, and it is not tested again; tries left: 2" in first["message"]
+    assert "the SIM refused the PIN; it will not be tried again; tries left: 2" in first["message"]
     second = deck.run()
     assert ends(second) == ("left-as-found", 4, 0)
     assert second["message"].startswith("not changed: the PIN was sent at ")
@@ -261,7 +261,7 @@ def test_unsaved_settings_are_reported(deck: Deck) -> None:
     deck.unit().shell.mute = True
     result = deck.run()
     assert ends(result) == ("left-as-found", 4, 0)
-    assert "0 of 3 settings were kept; not saved: network.mob1s1a1.auto_apn" in result["message"]
+    assert "0 of 3 settings were saved; not saved: network.mob1s1a1.auto_apn" in result["message"]
 
 
 def test_session_lost_during_a_network_reload_is_reopened(deck: Deck) -> None:
@@ -290,7 +290,7 @@ def test_replaced_unit_is_detected_by_its_serial_number(deck: Deck) -> None:
     twin = deck.unit("other", serial_number="1000000002")
     result = deck.run()
     assert ends(result) == ("left-as-found", 4, 0)
-    assert "serial number 1000000002, and the one that was met is 1000000001" in result["message"]
+    assert "serial number 1000000002, expected 1000000001" in result["message"]
     assert twin.shell.commands == []
 
 

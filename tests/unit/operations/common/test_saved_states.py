@@ -117,7 +117,7 @@ def test_last_confirmed_state_is_used_for_the_device(laptop: Laptop, declaration
     run = laptop.run(saves="a", confirms="b")
     (start,) = before_rollback(laptop.state, hosts, run)
     assert (start.restore, start.back_to, start.is_ready) == (run.id, None, False)
-    assert f"run {run.id} read back at " in start.words
+    assert f"verified by run {run.id} at " in start.words
     later = laptop.run(confirms="c")
     (start,) = before_rollback(laptop.state, hosts, run)
     assert start.restore == later.id
@@ -151,7 +151,7 @@ def test_interrupted_run_resumes_from_the_state_before_it(laptop: Laptop, declar
     broken = laptop.run(saves="b", actions=7)
     (start,) = before_resuming(laptop.state, hosts, broken)
     assert (start.back_to, start.restore) == (broken.id, None)
-    assert "the 7 actions that it had confirmed are done again" in start.words
+    assert "the 7 actions that it had confirmed are repeated" in start.words
     untouched = laptop.run()
     (start,) = before_resuming(laptop.state, hosts, untouched)
     assert (start.back_to, start.restore) == (None, earlier.id)
@@ -160,7 +160,7 @@ def test_interrupted_run_resumes_from_the_state_before_it(laptop: Laptop, declar
 def test_device_without_saved_state_starts_as_adopted(laptop: Laptop, declaration: Inventory) -> None:
     (start,) = before_resuming(laptop.state, [declaration.hosts[ROUTER]], laptop.run())
     assert (start.back_to, start.restore, start.is_ready) == (None, None, True)
-    assert "as after its adoption" in start.words
+    assert "starts as after adoption" in start.words
 
 
 def test_computer_starts_as_a_fresh_one(laptop: Laptop, declaration: Inventory) -> None:

@@ -169,10 +169,10 @@ def test_telemetry_counts_only_vehicles_tested_at_the_site(pilot: Inventory) -> 
 
 
 def test_metered_link_without_a_budget_is_a_warning(pilot: Inventory) -> None:
-    satellite = pilot.sites["coastal"].bearers[2].model_copy(update={"background_budget_eur": None})
+    satellite = pilot.sites["coastal"].bearers[2].model_copy(update={"standing_budget_eur": None})
     found = over_budget(satellite, standing_traffic(pilot, "coastal")[2])
     assert found is not None
-    assert (found.verdict, found.code) == (Verdict.WARN, "no-background-budget")
+    assert (found.verdict, found.code) == (Verdict.WARN, "no-standing-budget")
     assert found.message == (
         "no budget in the inventory for automatic traffic over satellite: 2412.7 MB a month (19301.91 EUR)"
     )
@@ -195,17 +195,17 @@ def test_the_shipped_links_keep_to_their_budgets(shipped: Inventory, monkeypatch
 @pytest.mark.parametrize(
     ("budget", "words"),
     [
-        ({"background_budget_mb": 2500.0}, None),
-        ({"background_budget_eur": 20000.0}, None),
-        ({"background_budget_mb": 2400.0}, "2400 MB (`background_budget_mb`)"),
-        ({"background_budget_eur": 136.0}, "136 EUR (`background_budget_eur`)"),
+        ({"standing_budget_mb": 2500.0}, None),
+        ({"standing_budget_eur": 20000.0}, None),
+        ({"standing_budget_mb": 2400.0}, "2400 MB (`standing_budget_mb`)"),
+        ({"standing_budget_eur": 136.0}, "136 EUR (`standing_budget_eur`)"),
     ],
 )
 def test_exceeded_budget_is_a_warning(pilot: Inventory, budget: dict[str, float], words: str | None) -> None:
     coastal = pilot.sites["coastal"]
     bearers = [
         *coastal.bearers[:2],
-        coastal.bearers[2].model_copy(update={"background_budget_eur": None, "billing": FLOOR, **budget}),
+        coastal.bearers[2].model_copy(update={"standing_budget_eur": None, "billing": FLOOR, **budget}),
     ]
     changed = coastal.model_copy(update={"bearers": tuple(bearers)})
     kept = crossing(pilot, "wifi-ptp", "4g").sites["te4sea"]
@@ -214,7 +214,7 @@ def test_exceeded_budget_is_a_warning(pilot: Inventory, budget: dict[str, float]
     assert (found is None) == (words is None)
     assert len(inventory_warnings(declared)) == (found is not None)
     if found is not None:
-        assert (found.verdict, found.code) == (Verdict.WARN, "background-over-budget")
+        assert (found.verdict, found.code) == (Verdict.WARN, "standing-over-budget")
         assert found.message == (
             f"2412.7 MB of automatic traffic a month over satellite (19301.91 EUR) exceeds its budget of {words}"
         )

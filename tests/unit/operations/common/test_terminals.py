@@ -75,7 +75,7 @@ def test_backup_in_the_inventory_is_compared(inventory: Path, tmp_path: Path) ->
     assert codes(inventory, tmp_path) == ["terminal-backup-differs"]
     told = run(inventory, tmp_path)
     assert (told["ok"], told["changed"], told["exit"]) == (False, False, 6)
-    assert "is not the declared one" in str(told["message"])
+    assert "is not the one in the inventory" in str(told["message"])
 
 
 def test_named_backup_file_is_compared(inventory: Path, tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_named_backup_file_is_compared(inventory: Path, tmp_path: Path) -> None:
     assert codes(inventory, tmp_path, named) == []
     named.write_bytes(b"something else")
     assert codes(inventory, tmp_path, named) == ["terminal-backup-differs"]
-    with pytest.raises(UsageError, match=r"missing\.bin cannot be read"):
+    with pytest.raises(UsageError, match=r"cannot read the backup .*missing\.bin: "):
         codes(inventory, tmp_path, tmp_path / "missing.bin")
 
 
@@ -96,7 +96,7 @@ def test_changed_firmware_is_reported_until_a_run_records_it(inventory: Path, tm
     declare(inventory, firmware="1.3.0")
     for mode in (Mode.PLAN, Mode.APPLY):
         note = str(run(inventory, tmp_path, mode)["notes"])
-        assert "had firmware 1.2.3 when a run last recorded it, and has 1.3.0" in note
+        assert "had firmware 1.2.3 when a run last recorded it, and now has 1.3.0" in note
     assert run(inventory, tmp_path)["notes"] == []
 
 

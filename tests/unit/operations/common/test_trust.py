@@ -55,10 +55,14 @@ def test_only_the_declared_host_key_is_trusted(tmp_path: Path) -> None:
     [
         (
             "No ED25519 host key is known for x\nHost key verification failed.",
-            "is unknown here",
+            "is not known here",
             "provision device trust",
         ),
-        ("@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.", "another", "-R x"),
+        (
+            "@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.",
+            "a different SSH host key",
+            "-R x",
+        ),
     ],
 )
 def test_openssh_key_errors_are_explained(said: str, told: str, hint: str) -> None:

@@ -71,9 +71,9 @@ def test_accepted_durations(text: str, seconds: int) -> None:
         ("0m", "is less than 1 minute"),
         ("25h", "is more than 24 hours"),
         ("24h1m", "is more than 24 hours"),
-        ("30", "is no time"),
-        ("30s", "is no time"),
-        ("half", "is no time"),
+        ("30", "is not a duration"),
+        ("30s", "is not a duration"),
+        ("half", "is not a duration"),
     ],
 )
 def test_refused_durations(text: str, words: str) -> None:
@@ -85,8 +85,8 @@ def test_refused_durations(text: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("ask", "message", "hint"),
     [
-        (lambda: router_of(DECLARED, "scc"), "`uplink` is its only link", "set a second link in the inventory"),
-        (lambda: router_of(DECLARED, "all"), "this command changes the link of one site", "the sites are: "),
+        (lambda: router_of(DECLARED, "scc"), "`uplink` is its only link", "add a second link in group_vars/scc.yml"),
+        (lambda: router_of(DECLARED, "all"), "this command changes the link of one site", "sites: "),
         (
             lambda: router_of(DECLARED, "costal"),
             "this command changes the link of one site",
@@ -97,13 +97,13 @@ def test_refused_durations(text: str, words: str) -> None:
             "has no link `satelite`",
             "did you mean `link=satellite`?",
         ),
-        (lambda: wanted().order(status(uptime_s=None)), "was not read", "`provision links site=coastal`"),
-        (lambda: wanted().order(status(uptime_s=20)), "was started 20 s ago", "again in 100 s"),
+        (lambda: wanted().order(status(uptime_s=None)), "could not be read", "`provision links site=coastal`"),
+        (lambda: wanted().order(status(uptime_s=20)), "started 20 s ago", "again in 100 s"),
         (lambda: wanted().order(status(LinkState.DOWN)), "4g is down, .*: no probe target responds", "--unproved"),
         (lambda: wanted().order(status(LinkState.SEARCHING)), "4g is down", "--unproved"),
-        (lambda: wanted().order(status(LinkState.UNKNOWN)), "whether 4g works is not proved", "--unproved"),
+        (lambda: wanted().order(status(LinkState.UNKNOWN)), "there is no proof that 4g works", "--unproved"),
         (lambda: ended_order("coastal", status()), "there is nothing to end", "`provision links site=coastal`"),
-        (lambda: ended_order("coastal", status(uptime_s=None)), "was not read", "`provision links site=coastal`"),
+        (lambda: ended_order("coastal", status(uptime_s=None)), "could not be read", "`provision links site=coastal`"),
     ],
 )
 def test_invalid_requests_are_refused(ask: Callable[[], object], message: str, hint: str) -> None:
@@ -141,7 +141,7 @@ def test_old_or_contradicted_proof_is_refused(state: LinkState, age_s: int) -> N
 def test_link_without_probe_targets_is_refused_with_a_hint() -> None:
     with pytest.raises(LinkNotFit) as refused:
         wanted().order(status(LinkState.UNKNOWN))
-    assert "give it two `canaries:` in group_vars/coastal.yml" in str(refused.value.hint)
+    assert "set two `canaries:` (probe targets) for it in group_vars/coastal.yml" in str(refused.value.hint)
 
 
 def test_cost_is_the_maximum_at_the_declared_rate() -> None:

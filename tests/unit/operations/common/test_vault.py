@@ -85,7 +85,7 @@ def test_prompt_identity_is_asked_for(named: pytest.MonkeyPatch) -> None:
 
 def test_without_a_prompt_the_error_explains_how(named: pytest.MonkeyPatch) -> None:
     del named
-    with pytest.raises(UsageError, match="encrypted, and no such playbook: password") as told:
+    with pytest.raises(UsageError, match="encrypted, and there is no password") as told:
         _ = Vault().secrets
     assert told.value.hint is not None
     assert "ANSIBLE_VAULT_PASSWORD_FILE=FILE" in told.value.hint
@@ -119,11 +119,11 @@ def test_password_prompt_needs_a_terminal_or_an_explicit_flag(
     if asks:
         assert vault.decrypt(SEALED) == "open"
     else:
-        with pytest.raises(UsageError, match="no such playbook: password"):
+        with pytest.raises(UsageError, match="there is no password"):
             vault.decrypt(SEALED)
 
 
 def test_required_password_without_a_terminal_is_refused(named: pytest.MonkeyPatch) -> None:
     named.setattr(sys.stdin, "isatty", lambda: False)
-    with pytest.raises(UsageError, match="the vault password is needed, and no such playbook: terminal to type it"):
+    with pytest.raises(UsageError, match="the vault password is needed, and there is no terminal to type it"):
         vault_of(arguments("ask-vault-pass"))

@@ -71,8 +71,13 @@ def test_passing_diagnosis_suggests_the_next_command(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert shown(capsys, monkeypatch, WELL, item(Verdict.SKIP), follows="provision plan site=coastal") == (
-        "Clock\n  PASS time                right\nConnection to the site\n  SKIP address             it was "
-        "measured\n\nPASS: 1 PASS, 1 SKIP\ntype:  provision plan site=coastal\n"
+        "Clock\n"
+        "  PASS time                right\n"
+        "Connection to the site\n"
+        "  SKIP address             it was measured\n"
+        "\n"
+        "PASS: 1 PASS, 1 SKIP\n"
+        "type:  provision plan site=coastal\n"
     )
 
 
@@ -82,10 +87,19 @@ def test_worst_item_and_its_fix_are_printed_last(
     warned = item(Verdict.WARN, "default route", commands=("sudo ip route del default",))
     failed = item(Verdict.FAIL, hint="do this", commands=("sudo ip address add 192.0.2.7/24 dev eth0",))
     assert shown(capsys, monkeypatch, warned, failed, WELL, follows="provision plan site=coastal") == (
-        "Clock\n  PASS time                right\nConnection to the site\n  WARN default route       it was "
-        "measured\n       type: sudo ip route del default\n  FAIL address             it was measured\n       "
-        "do:   do this\n       type: sudo ip address add 192.0.2.7/24 dev eth0\n\nFAIL: 1 FAIL, 1 WARN, 1 "
-        "PASS\nworst: address: it was measured\nnext:  do this\ntype:  sudo ip address add 192.0.2.7/24 dev eth0\n"
+        "Clock\n"
+        "  PASS time                right\n"
+        "Connection to the site\n"
+        "  WARN default route       it was measured\n"
+        "       type: sudo ip route del default\n"
+        "  FAIL address             it was measured\n"
+        "       do:   do this\n"
+        "       type: sudo ip address add 192.0.2.7/24 dev eth0\n"
+        "\n"
+        "FAIL: 1 FAIL, 1 WARN, 1 PASS\n"
+        "worst: address: it was measured\n"
+        "next:  do this\n"
+        "type:  sudo ip address add 192.0.2.7/24 dev eth0\n"
     )
 
 
@@ -103,8 +117,11 @@ def test_long_name_or_verdict_gets_its_own_line(
 ) -> None:
     long = item(Verdict.PASS, "SSH key for coastal-gateway")
     assert shown(capsys, monkeypatch, long, item(Verdict.INCONCLUSIVE)).startswith(
-        "Connection to the site\n  PASS SSH key for coastal-gateway\n                           it was "
-        "measured\n  INCONCLUSIVE address\n                           it was measured\n"
+        "Connection to the site\n"
+        "  PASS SSH key for coastal-gateway\n"
+        "                           it was measured\n"
+        "  INCONCLUSIVE address\n"
+        "                           it was measured\n"
     )
 
 
@@ -164,7 +181,7 @@ def test_missing_record_folder_does_not_stop_the_other_checks(
     monkeypatch.delenv("ATLANTIS_STATE")
     monkeypatch.setenv("HOME", str(tmp_path / "missing"))
     printed = typed(capsys, code=6)
-    assert "worst: record folder: no place to keep the journal" in printed
+    assert "worst: record folder: cannot store the journal" in printed
     assert "PASS ports" in printed
 
 

@@ -41,7 +41,7 @@ def test_declared_key_is_detected_in_the_ssh_folder(home: Path) -> None:
     assert lines(keys.keys_item("gw", [f"{FIRST} technician"], found)) == [f"PASS SSH key for gw: {file}"]
     file.chmod(0o640)
     assert lines(keys.keys_item("gw", [FIRST], found)) == [
-        f"other users can read FAIL SSH key for gw: {file}: OpenSSH refuses such a key",
+        f"FAIL SSH key for gw: other users can read {file}: OpenSSH refuses such a key",
         f"  chmod 600 {file}",
     ]
 
@@ -91,7 +91,7 @@ def test_password_files_of_ansible_are_read_and_checked(home: Path) -> None:
     file.write_text("secret")
     file.chmod(0o644)
     assert lines(keys.password_file_item(file, home / "inventory")) == [
-        f"other users can read FAIL password file: {file}",
+        f"FAIL password file: other users can read {file}",
         f"  chmod 600 {file}",
     ]
     file.chmod(0o600)
@@ -123,7 +123,7 @@ def test_known_devices_verdicts(shipped: Inventory, real: Inventory, tmp_path: P
     pins, hosts = Store(tmp_path).pins, real.site_hosts("coastal")
     assert keys.known_devices_item(shipped, hosts, pins, lambda _: True).verdict == "SKIP"
     assert lines(keys.known_devices_item(real, hosts, pins, lambda _: False)) == [
-        f"WARN known devices: 4 of 4 unknown here and therefore refused: {DEVICES}",
+        f"WARN known devices: 4 of 4 not known here and therefore refused: {DEVICES}",
         "  at the site, on a terminal (for a new router use `device adopt` instead):",
         "  provision device trust site=coastal",
     ]
@@ -137,7 +137,7 @@ def test_known_devices_verdicts(shipped: Inventory, real: Inventory, tmp_path: P
 
 
 def no_password(_text: str) -> str:
-    raise UsageError("no such playbook: password", hint="name a file\nor type it")
+    raise UsageError("there is no password", hint="name a file\nor type it")
 
 
 def test_inventory_without_encrypted_values_needs_no_password() -> None:
@@ -154,7 +154,7 @@ def _wrong(_text: str) -> str:
     ("decrypt", "expected"),
     [
         (lambda _: "a-real-secret-of-the-quay", ["PASS vault: the password decrypts all 2 encrypted values"]),
-        (no_password, ["INCONCLUSIVE vault: no such playbook: password", "  name a file"]),
+        (no_password, ["INCONCLUSIVE vault: there is no password", "  name a file"]),
     ],
 )
 def test_encrypted_values_verdicts(tmp_path: Path, decrypt: Callable[[str], str], expected: list[str]) -> None:
@@ -259,7 +259,7 @@ def test_unfinished_runs_are_a_warning_with_a_resume_command(tmp_path: Path) -> 
     read = folders.read_runs(store, "coastal")
     assert [run.id for run in read.unfinished_runs] == [name]
     assert lines(folders.unfinished_item(read.unfinished_runs)) == [
-        f"WARN unfinished runs: {name} has left coastal-router open",
+        f"WARN unfinished runs: {name} is unfinished on coastal-router",
         "  continue when the link is available:",
         f"  provision recover resume site=coastal run={name} inventory=here",
     ]

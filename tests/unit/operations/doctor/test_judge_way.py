@@ -43,7 +43,7 @@ class Case:
 CASES = {
     "all well, and Wi-Fi beside it": Case((READY, WIFI), HERE, (CONNECTED, HOME), (HOME,)),
     "no wired port at all": Case((WIFI,), OVER_WIFI, (HOME,), (HOME,)),
-    "the port is disabled": Case((Plug("eth0", "off"),)),
+    "the port is switched off": Case((Plug("eth0", "off"),)),
     "the address is there, and no cable": Case((replace(READY, state="no cable"),), HERE, (CONNECTED,)),
     "a damaged cable": Case((replace(READY, speed=10),), HERE, (CONNECTED,)),
     "a cable and no address; the router is looked for over Wi-Fi": Case(
@@ -69,7 +69,7 @@ CASES = {
         (CONNECTED,),
     ),
     "the right address with a wrong length": Case((replace(READY, addresses=("10.64.101.10/32",)),)),
-    "the DHCP range contains the address of the router itself,": Case(
+    "the router's own address": Case(
         (replace(READY, addresses=("10.64.101.1/24",)),), route("10.64.101.1", "lo", source="10.64.101.1"), (CONNECTED,)
     ),
     "a source that the router's firewall drops": Case(
@@ -141,7 +141,7 @@ def test_port_name_is_shell_quoted() -> None:
         ((WIFI,), ["WARN ports: this laptop has no Ethernet port", "  plug in a USB Ethernet adapter"]),
         (
             (READY, Plug("eth1", "no cable"), Plug("eth2", "off")),
-            ["PASS ports: eth0 has a cable connected (10.64.101.10/24); eth1 sees no cable; eth2 is disabled"],
+            ["PASS ports: eth0 has a cable connected (10.64.101.10/24); eth1 detects no cable; eth2 is disabled"],
         ),
     ],
 )
@@ -177,11 +177,11 @@ SHOWN = RouterAnswer(None, PIN, FROM, UNTIL)
 ROUTERS = {
     "the known certificate": (PIN, SHOWN, 2026),
     "the known certificate, written otherwise": (":".join(["AB"] * 32), SHOWN, 2026),
-    "a certificate that is unknown": (None, SHOWN, 2026),
+    "a certificate that is not known": (None, SHOWN, 2026),
     "another certificate": ("cd" * 32, SHOWN, 2026),
     "a clock that is behind": (PIN, SHOWN, 2025),
     "a certificate that has ended": (PIN, SHOWN, 2037),
-    "no response": (PIN, RouterAnswer("10.64.101.1:8729 did not respond within 5 s"), 2026),
+    "no answer": (PIN, RouterAnswer("10.64.101.1:8729 did not respond within 5 s"), 2026),
 }
 
 

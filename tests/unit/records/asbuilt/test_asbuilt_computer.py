@@ -58,7 +58,7 @@ def test_every_command_is_on_the_allow_list(tmp_path: Path) -> None:
     packages, notes = computer.declared_packages(SHIPPED, GATEWAY, Request(state=tmp_path / "none"))
     assert "chrony" in packages
     # The shipped inventory has no key of ROS' archive.
-    assert [note.partition(",")[0] for note in notes] == ["which packages `gateway_ros2` installs is unknown"]
+    assert [note.partition(",")[0] for note in notes] == ["the packages of `gateway_ros2` are not known"]
     asked = computer.questions(GATEWAY, packages)
     assert [question.argv for _, question in asked if not is_allowed(question.argv)] == []
 
@@ -170,7 +170,7 @@ def test_unreachable_gateway_has_no_read_values(tmp_path: Path, monkeypatch: pyt
 def test_computer_lacking_a_program_is_read_without_it() -> None:
     found = computer.read(
         GATEWAY,
-        {**answers(), "host_key": CommandResult(Trouble.MISSING, "no such playbook: program ssh-keygen")},
+        {**answers(), "host_key": CommandResult(Trouble.MISSING, "there is no program ssh-keygen")},
         (),
         {},
     )

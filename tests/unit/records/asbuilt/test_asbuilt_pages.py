@@ -39,7 +39,7 @@ def test_screen_shows_the_source_of_each_value() -> None:
     assert "software version        1.2 (declared: EXAMPLE-person has seen it on its pages)" in re.sub(
         r"\n +", " ", text
     )
-    assert "not read: no machine interface of it is documented" in re.sub(r"\n +", " ", text)
+    assert "not read: no documented interface for programs" in re.sub(r"\n +", " ", text)
     assert "neighbour: 02:00:5E:00:00:07 10.64.1.7 (coastal-gateway), from bridge and ARP" in re.sub(r"\n +", " ", text)
     assert found[-1] == "1 of 2 devices were read, 1 cannot be queried"
 

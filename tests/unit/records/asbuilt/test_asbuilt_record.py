@@ -188,7 +188,7 @@ def test_a_full_disk_leaves_no_record(tmp_path: Path, monkeypatch: pytest.Monkey
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("atlantis_netcfg.core.atomic_files.write_all", full)
-    with pytest.raises(JournalError, match="cannot add the record: No space left on device"):
+    with pytest.raises(JournalError, match="the record cannot be written: No space left on device"):
         keep(folder, {FILE: data(), "as-built.html": b"page"})
     assert latest(tmp_path) is None
 

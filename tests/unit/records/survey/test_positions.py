@@ -140,12 +140,12 @@ def test_steps_are_parsed() -> None:
     assert parse_steps("20m") == (20.0, 30.0)
     assert parse_steps("20m,5s") == (20.0, 5.0)
     for text in ("", "50", "50m,20m", "1s", "0.5m", "x"):
-        with pytest.raises(UsageError, match=r"is no step|is too often"):
+        with pytest.raises(UsageError, match=r"is not a valid interval|is too frequent"):
             parse_steps(text)
 
 
 def test_hourly_budgets_are_parsed() -> None:
     assert parse_hourly_budget("0.5") == 500_000
     for text in ("0", "-1", "2.1", "x", "1e-1"):
-        with pytest.raises(UsageError, match="is no budget"):
+        with pytest.raises(UsageError, match="is not a valid budget"):
             parse_hourly_budget(text)

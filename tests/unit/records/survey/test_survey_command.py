@@ -15,7 +15,7 @@ from atlantis_netcfg.records.survey.site import TypedPositions
 @pytest.mark.parametrize(
     ("typed", "words"),
     [
-        ("site=all", "about one site at a time"),
+        ("site=all", "takes one site at a time"),
         ("site=te4sea link=sat", "`link=sat` is not a 4G link of `te4sea`: its 4G links: 4g"),
         ("site=scc", "`scc` does not have exactly one 4G link: it has no 4G link"),
         ("site=te4sea every=fast", "`every=fast` is not a valid interval"),

@@ -154,7 +154,7 @@ def test_coast_is_drawn_where_it_crosses_the_map(tmp_path: Path) -> None:
     page = render_page(example(), coast).decode()
     drawn = re.search(r'class="coast" d="([^"]*)"', page)
     assert drawn is not None
-    assert drawn[1].count("M") == 3, "what lies far away is excluded"
+    assert drawn[1].count("M") == 3, "what lies far away is left out"
     assert "coast.geojson" in page
     assert 'class="coast"' not in render_page(example()).decode()
 

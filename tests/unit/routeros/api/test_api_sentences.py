@@ -112,7 +112,7 @@ def test_replies_are_parsed(words: tuple[str, ...], answer: AnswerReader) -> Non
 
 
 @pytest.mark.parametrize(
-    ("words", "error reported by the source"),
+    ("words", "complaint"),
     [
         (("SSH-2.0-ROSSSH",), "a word of 14 characters in the place of an answer"),
         (("!nonsense",), "`!nonsense` in the place of an answer"),

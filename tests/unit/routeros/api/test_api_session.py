@@ -124,7 +124,7 @@ def test_non_hexadecimal_challenge_is_a_protocol_error(tmp_path: Path) -> None:
 
     error = opening(tmp_path, script)
     assert isinstance(error, ProtocolError)
-    assert "sent a login challenge that is not a number" in str(error)
+    assert "sent a login challenge that is no number" in str(error)
 
 
 def test_wrong_password_is_reported_with_the_device_message_only(tmp_path: Path) -> None:

@@ -167,7 +167,7 @@ def test_endless_replies_do_not_fill_memory(flood: bytes) -> None:
             wire.data_received(flood)
             sent += len(flood)
         assert sent < 20_000_000
-        with pytest.raises(ProtocolError, match="router:8729 sent responses without end"):
+        with pytest.raises(ProtocolError, match="router:8729 sent answers without end"):
             await exchange
 
     run(main())

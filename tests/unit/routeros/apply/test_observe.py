@@ -125,12 +125,12 @@ def test_read_only_menus_may_be_missing_or_forbidden() -> None:
 
 @pytest.mark.parametrize("rows", [(), ({},), ({"version": "OpenWrt 23"},)])
 def test_unknown_device_kind_is_refused(rows: tuple[Mapping[str, str], ...]) -> None:
-    with pytest.raises(DeviceError, match="no RouterOS that we know"):
+    with pytest.raises(DeviceError, match="unknown RouterOS version"):
         read({"/system/resource/print": Reply(rows)})
 
 
 def test_settings_with_two_rows_are_refused_and_with_none_are_empty() -> None:
     two = {"/routing/settings/print": Reply(({"policy-rules": "main"}, {"policy-rules": "user"}))}
-    with pytest.raises(DeviceError, match="/routing settings: settings are one row, and the device responses with 2"):
+    with pytest.raises(DeviceError, match="/routing settings: settings are a single row, but the device returned 2"):
         read(two, looked_at=("/routing/settings",))
     assert read({"/routing/settings/print": Reply()}, looked_at=("/routing/settings",)).rows["/routing/settings"] == ()

@@ -69,7 +69,7 @@ def test_failed_save_raises_a_device_error(broken: str) -> None:
     def answer(command: Command) -> Reply:
         return Reply(trap=Trap("not enough permissions (9)")) if command.path == broken else Reply(({"data": ""},))
 
-    with pytest.raises(DeviceError, match=r"cannot be saved.*not enough permissions \(9\)"):
+    with pytest.raises(DeviceError, match=r"cannot save the state before the change.*not enough permissions \(9\)"):
         asyncio.run(fetch(Scripted(answer)))
 
 

@@ -10,7 +10,7 @@ from trees import TREES, VERSIONS, Tree, parts
 
 from atlantis_netcfg.links.wifi import Family
 
-SINCE = {"/safe-mode": ("7.18.2", "requirement on every version, because that is how we learn whether it is there")}
+SINCE = {"/safe-mode": ("7.18.2", "asked for on every version, because that is how we learn whether it is there")}
 """Menus that not all of our versions have."""
 NO_COMMANDS = {
     "/atlantis/configuration": "a topic of ROS",

@@ -17,12 +17,7 @@ BESIDE = ROOT.parent / "shared" / "data" / "routeros-inspect"
 
 
 def test_shipped_trees_match_their_checksums() -> None:
-    listed = [
-        line.split()
-        for line in (SHIPPED / "checksum of the vendor's image (default: file beside it)")
-        .read_text("utf-8")
-        .splitlines()
-    ]
+    listed = [line.split() for line in (SHIPPED / "SHA256SUMS").read_text("utf-8").splitlines()]
     sums = {name: digest for digest, name in listed}
     beside = {path.name: path.read_bytes() for path in BESIDE.glob("*.json.gz")}
     for name, digest in sums.items():

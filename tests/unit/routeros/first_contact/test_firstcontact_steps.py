@@ -111,7 +111,7 @@ def test_every_other_user_is_disabled() -> None:
 
 
 @pytest.mark.parametrize(
-    ("found", "background"),
+    ("found", "standing"),
     [
         (facts(), DeviceState.FACTORY),
         (facts(""), DeviceState.FACTORY),

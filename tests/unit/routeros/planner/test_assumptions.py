@@ -66,7 +66,7 @@ def test_assumption_ids_are_unique_and_entries_well_formed() -> None:
 def test_code_references_every_assumption_and_no_other() -> None:
     named = {name for text in sources().values() for name in NAMED.findall(text)}
     assert sorted(named - set(IDS)) == [], "these stand in no row of routeros/assumptions.py"
-    assert sorted(set(IDS) - named) == [], "nothing names these: take them out, or add where they are assumed"
+    assert sorted(set(IDS) - named) == [], "nothing names these: take them out, or write where they are assumed"
 
 
 def test_no_inference_is_mentioned_outside_the_table() -> None:

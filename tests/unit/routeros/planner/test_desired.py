@@ -86,14 +86,14 @@ MISTAKES = {
         "x.rsc, line 2: a row of /ip pool is found by its name: write `[ find name=... ]`"
     ),
     "/ip pool\nset [ find name=x ] name=y": (
-        "x.rsc, line 2: `name` tells the rows of /ip pool apart and cannot be changed: set a new row in the inventory"
+        "x.rsc, line 2: `name` tells the rows of /ip pool apart and cannot be changed: declare a new row"
     ),
     "/ip firewall filter\nset [ find ] action=drop": (
-        "x.rsc, line 2: rows of /ip firewall filter have no name to find them by: set them with  in the inventory`add`"
+        "x.rsc, line 2: rows of /ip firewall filter have no name to find them by: declare them with `add`"
     ),
     "/ip firewall filter\nremove 0": ("x.rsc, line 2: `remove` is not allowed in a declaration: write `add` or `set`"),
     "/certificate\nadd name=x common-name=x": "x.rsc, line 2: /certificate can be looked at, but not declared",
-    "# atlantis:entier /ip pool": "x.rsc, line 1: `atlantis:entier` is not a directive; did you mean entire?",
+    "# atlantis:entier /ip pool": "x.rsc, line 1: unknown directive `atlantis:entier`; did you mean entire?",
     "# atlantis:run-time /ip route distance=1": "x.rsc, line 1: write `atlantis:run-time /menu property=declared"
     " property=instead`",
     "# atlantis:run-time /ip route distance=1 disabled=no": "x.rsc, line 1: write `atlantis:run-time /menu"

@@ -121,7 +121,7 @@ def test_unread_menu_matters_only_if_the_return_path_moves(menu: str) -> None:
     assert guard.objections(away, there, near) == ()
     assert guard.moves_answers(moved, way_back_of(there), far)
     first, *_ = found = guard.objections(moved, there, far)
-    assert any("answers to you at 10.80.0.5 go by" in each for each in found)
+    assert any("responses to you at 10.80.0.5 take" in each for each in found)
     assert objection is None or first.startswith(objection)
 
 
@@ -196,4 +196,6 @@ def test_guard_accepts_any_number_of_settings_rows(number: int) -> None:
     there = Observation(facts("7.22"), {**rows(DEVICE), **settings})
     planned = plan("r", read("/routing rule\nadd action=drop comment=atlantis dst-address=10.64.101.0/24\n"), there)
     (objection,) = guard.objections(planned, there, ManagementPath("10.64.101.10", "10.64.101.1"))
-    assert objection.startswith("answers to you at 10.64.101.10 go by 10.64.101.0/24 on ether8; then the routing rule")
+    assert objection.startswith(
+        "responses to you at 10.64.101.10 take 10.64.101.0/24 on ether8; after this change the routing rule"
+    )

@@ -77,13 +77,13 @@ REFUSALS = {
     "0 expected input value (line 1 column 400)\n": "expected input value",
 }
 NOTHING_PROVED = {
-    "no response": "",
+    "nothing came back": "",
     "the control was taken": "\n",
     "only the control's number": "2 \n",
     "another text": "2 all is well",
     "a job": "*31",
     "the loop broke off": "0 (evl bad parameter ranges (line 1 column 18) /ip/pool/add)\nfailure: no memory",
-    "a verdict that is unknown": f"0 nonsense (line 1)\n{CONTROL}",
+    "a verdict that is not known": f"0 nonsense (line 1)\n{CONTROL}",
     "an accepted command comes back": f"0 (evl /ip/pool/addname=p1)\n{CONTROL}",
     "more numbers than commands": f"{CONTROL}\n3 syntax error (line 1 column 1)",
 }
@@ -115,8 +115,8 @@ def test_accepted_commands_raise_no_objection_or_doubt() -> None:
 def test_reply_that_proves_nothing_is_inconclusive(case: str) -> None:
     examination = judged(Reply(ret=NOTHING_PROVED[case]))
     assert "INCONCLUSIVE" in examination.doubt([ONE, TWO])
-    assert "words that are unknown here" in examination.doubt([ONE, TWO])
-    assert examination.questions([ONE, TWO], {}) == (), "a device that does not respond is not requirement ever"
+    assert "words that are not known here" in examination.doubt([ONE, TWO])
+    assert examination.questions([ONE, TWO], {}) == (), "a device that does not answer is not asked for ever"
 
 
 @pytest.mark.parametrize("words", ["no such command", "unknown parameter as-string", "not enough permissions (9)"])
@@ -184,7 +184,7 @@ def test_possibly_incomplete_value_list_refuses_nothing_but_is_reported(whole: R
     examination.read_answers([whole])
     assert examination.questions([RULE], {}) == ()
     assert list(examination.objections([RULE], "site.rsc")) == []
-    assert "it does not report which words `action` of /ip firewall filter takes" in examination.doubt([RULE])
+    assert "it does not tell which words `action` of /ip firewall filter takes" in examination.doubt([RULE])
 
 
 def test_a_value_that_the_menu_has_already_is_not_looked_up() -> None:

@@ -43,7 +43,7 @@ def test_a_menu_that_a_version_lacks_is_refused_with_a_hint(path: str) -> None:
     since = MENUS[path].since
     assert since is not None
     refused = refusal(path, before(since))
-    assert f"needs RouterOS {since} on" in str(refused)
+    assert f"needs RouterOS {since} or later, but this device has" in str(refused)
     assert refused.hint is not None
     assert f"install RouterOS {since} or later on it: `provision device upgrade" in refused.hint
 
@@ -80,7 +80,7 @@ REFUSALS = {
     "routeros/first_contact/run.py": "tests/integration/routeros/adopt: every objection has a hint, by its class",
     "routeros/first_contact/steps.py": "refuses nothing: it words a reset, a date and a question",
     "routeros/packages.py": "one error with a hint for all of its reasons",
-    "routeros/apply/_change.py": "refuses nothing by version: an older device is saved in another path",
+    "routeros/apply/_change.py": "refuses nothing by version: an older device is saved in another way",
     "routeros/apply/_executor.py": "tests/integration/routeros/engine/test_refusals.py",
     "routeros/menus/_model.py": "refuses nothing: it tells",
     "routeros/pair/_end.py": "tests/integration/routeros/pair/test_pair_versions.py",
@@ -128,7 +128,7 @@ def test_known_version_is_not_called_new(version: str) -> None:
 def test_newer_version_is_noted_even_without_changes() -> None:
     planned = plan("router", read(RULES, source="the text"), observed(RULES, "7.25"))
     assert planned.actions == ()
-    assert [note[:39] for note in planned.notes] == ["RouterOS 7.25 is newer than anything kn"]
+    assert [note[:39] for note in planned.notes] == ["RouterOS 7.25 is newer than the newest "]
 
 
 @pytest.mark.parametrize("moved", ["chain=main", "chain=vrf-lookup", "realm=5", "vrf=guests"])
@@ -165,7 +165,7 @@ def test_cpe_radio_is_planned_from_7_17_on(version: str) -> None:
 
 def test_cpe_radio_is_refused_before_7_17() -> None:
     seen = observed("/interface wifi\nset [ find default-name=wifi1 ] name=wifi1\n", "7.16.2")
-    with pytest.raises(CannotPlan, match=r"from RouterOS 7\.17 on, and this device has 7\.16\.2") as refused:
+    with pytest.raises(CannotPlan, match=r"from RouterOS 7\.17 on, but this device has 7\.16\.2") as refused:
         plan("cpe", read(WIFI, source="the text"), seen)
     assert refused.value.hint is not None
-    assert refused.value.hint.startswith("put RouterOS 7.17 or later on it: `provision device upgrade")
+    assert refused.value.hint.startswith("install RouterOS 7.17 or later on it: `provision device upgrade")

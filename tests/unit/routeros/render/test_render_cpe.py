@@ -193,15 +193,15 @@ def test_driver_families_that_support_the_inventory(changes: dict[str, str], wan
 
 
 def test_unsupported_settings_are_refused() -> None:
-    with pytest.raises(RenderError, match="the `wifi` menus cannot do nv2"):
+    with pytest.raises(RenderError, match="the `wifi` menus do not support nv2"):
         text("scc-cpe", "wifi", shipped())
-    with pytest.raises(RenderError, match=r"the `wireless` menus cannot do 802\.11 with 802\.11ax"):
+    with pytest.raises(RenderError, match=r"the `wireless` menus do not support 802\.11 with 802\.11ax"):
         text("scc-cpe", "wireless", with_ptp(shipped(), protocol="802.11", standard="802.11ax"))
     with pytest.raises(RenderError, match="only a CPE can have a CPE configuration"):
         cpe_view(shipped(), shipped().hosts["scc-router"], "wireless")
     alone = shipped()
     sites = {**alone.sites, "scc": alone.sites["scc"].model_copy(update={"served_links": ()})}
-    with pytest.raises(RenderError, match="coastal-cpe is no end of a link"):
+    with pytest.raises(RenderError, match="coastal-cpe is not an end of a link"):
         cpe_view(replace(alone, sites=sites), alone.hosts["coastal-cpe"], "wireless")
 
 

@@ -159,9 +159,9 @@ def test_api_port_follows_the_inventory() -> None:
 def test_other_devices_are_refused() -> None:
     assert isinstance(BOX.device, LteRouter)
     other = replace(BOX, device=BOX.device.model_copy(update={"driver": LteDriver.MANUAL}))
-    with pytest.raises(RenderError, match="coastal-4g is no LTE box with driver routeros"):
+    with pytest.raises(RenderError, match="coastal-4g is not an LTE device with driver routeros"):
         lte(DECLARED, other)
-    with pytest.raises(RenderError, match="coastal-router is no LTE box"):
+    with pytest.raises(RenderError, match="coastal-router is not an LTE device"):
         lte(DECLARED, DECLARED.router("coastal"))
 
 

@@ -252,7 +252,7 @@ def test_other_accepted_spellings_are_read(text: str, value: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "error reported by the source"),
+    ("text", "complaint"),
     [
         ('"open', "the text must end with the one quote that closes it"),
         ('"', "the text must end with the one quote that closes it"),

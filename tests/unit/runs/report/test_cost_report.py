@@ -59,7 +59,7 @@ def test_run_report_shows_cost_per_device_and_per_pass() -> None:
         "coastal", True, devices, (Pass("r", "lan", result()), Pass("r", "satellite", result(cost=COST)))
     )
     lines = [line.strip() for line in report.as_text().splitlines()]
-    asks = [number for number, line in enumerate(lines) if line.startswith("a real run asks first")]
+    asks = [number for number, line in enumerate(lines) if line.startswith("a real run needs your consent")]
     assert asks == [1, 5]
     assert lines[3].startswith("second run over lan")
     assert lines[4].startswith("second run over satellite")

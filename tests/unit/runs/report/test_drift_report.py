@@ -142,7 +142,7 @@ def test_junit_has_a_suite_per_device_and_a_case_per_menu() -> None:
     failure = drifted[1][0]
     assert (failure.tag, failure.get("type"), failure.get("message")) == ("failure", "changed, missing", "changed p")
     assert "ranges: inventory 10.0.0.1, device nothing" in (failure.text or "")
-    assert lost[0][0].text == "could not be read: no response\nlook at the cable"
+    assert lost[0][0].text == "could not be read: no response\ncheck the cable"
 
 
 def test_the_totals_of_junit_are_the_sums() -> None:

@@ -21,7 +21,7 @@ def bearer(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - any field
         "probe_bytes": 0,
         "month_since": None,
         "month_gaps": [],
-        "background": {"words": []},
+        "standing": {"words": []},
         **more,
     }
 
@@ -82,7 +82,7 @@ def test_report_without_any_queried_device_does_not_pass() -> None:
         ((False, True), False, "link2 carries the traffic of quay: it is NOT the preferred link, which is link1"),
         ((True, True), False, "link1 and link2 share the traffic of quay"),
         ((False, False), False, "NO LINK carries the traffic of quay"),
-        ((None, None), False, "Which link carries the traffic of quay is unknown: the router was not read"),
+        ((None, None), False, "Which link carries the traffic of quay is not known: the router was not read"),
     ],
 )
 def test_last_line_names_the_active_link(active: tuple[bool | None, ...], metered: bool, said: str) -> None:  # noqa: FBT001 - a column of the table
@@ -102,7 +102,7 @@ def test_last_line_names_the_active_link(active: tuple[bool | None, ...], metere
         ({"month_bytes": 999_500, "month_since": "T"}, "1.0 MB, counted since T"),
         (
             {"month_bytes": 61_400, "month_since": "T", "month_gaps": ["a"]},
-            "61 kB, counted since T; at least, there is a gap",
+            "61 kB, counted since T; at least: one gap in the count",
         ),
         (
             {"month_bytes": 12_400_000, "month_since": "T", "month_gaps": ["a", "b"]},
@@ -138,7 +138,7 @@ def test_text_shows_local_time_and_json_utc() -> None:
         (
             "wifi_ptp",
             {"tx_rate_mbps": 54.0, "tx_ccq_percent": 34.0, "rx_ccq_percent": 36.0},
-            ["flow          rate 54 Mbit/s, CCQ 34/36 % sent/received"],
+            ["rates         rate 54 Mbit/s, CCQ 34/36 % sent/received"],
         ),
         ("lte", {"rsrp_dbm": -110.0, "sinr_db": 20.0}, ["signal        RSRP -110 dBm (poor), SINR 20 dB (good)"]),
         ("lte", {"registration": "sim_missing"}, ["network       sim missing"]),
@@ -151,7 +151,7 @@ def test_text_shows_local_time_and_json_utc() -> None:
         (
             "satellite",
             {"kept_off_packets": 7, "kept_off_bytes": 4200},
-            ["blocked      7 packets (4.2 kB) outside the allow-list"],
+            ["blocked       7 packets (4.2 kB) outside the allow-list"],
         ),
         ("ethernet", {"port": "ether1", "port_link": "down"}, ["port          ether1, link down"]),
         ("lte", {}, []),

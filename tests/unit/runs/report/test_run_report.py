@@ -115,8 +115,9 @@ def test_text_report_shows_cost_passes_and_limits() -> None:
         "  not rehearsed: tides",
         "",
         "[FAIL] FAILED: r ended with an error",
-        "devices   2: 0 changed, 0 unchanged, 1 failed, 0 not reached, 1 not supported yet",
-        "look at   r: a second run over lan still finds 2 changes",
+        "devices   2: 0 changed, 0 unchanged, 1 failed, 0 not reached, 1 not supported",
+        "          yet",
+        "check     r: a second run over lan still finds 2 changes",
         "do        remove the cause, then run the same command again",
     ]
     assert whole.as_text().splitlines() == lines

@@ -9,7 +9,7 @@ from atlantis_netcfg.core.printable import Style, StyledText, plain
 from atlantis_netcfg.runs.report.run import Pass, RunReport
 from atlantis_netcfg.runs.report.summary import DeviceEnd, ending, rows_of_plan
 
-WARNING = "WARN: not checked at the terminal (open its pages)"
+WARNING = "WARN: nobody has looked at the terminal (open its pages)"
 
 
 def result(code: int, status: str, message: str = "words", hint: str | None = None, **more: Any) -> dict[str, Any]:  # noqa: ANN401 - fields of a result
@@ -82,7 +82,7 @@ def test_device_has_one_outcome(found: dict[str, Any], end: DeviceEnd) -> None:
         ({"r": SILENT, "s": SILENT}, {}, "[FAIL] NOT REACHED: no session with 2 devices, which were not changed"),
         ({"r": result(4, "refused"), "s": CHANGED}, {}, "[FAIL] REFUSED: r was not changed"),
         ({"r": result(4, "rolled-back")}, {}, "[FAIL] ROLLED BACK: r is as it was before"),
-        ({"r": result(4, "rolled-back"), "s": result(5, "unknown")}, {}, "[?] UNKNOWN: the state of s is unknown"),
+        ({"r": result(4, "rolled-back"), "s": result(5, "unknown")}, {}, "[?] UNKNOWN: the state of s is not known"),
         ({"r": result(6, "changed")}, {}, "[FAIL] NOT PROVED: work is left to do on r"),
         (
             {"r": result(2, "planned"), "s": SAME},
@@ -110,7 +110,7 @@ def test_device_has_one_outcome(found: dict[str, Any], end: DeviceEnd) -> None:
         (
             {"r": result(5, "unknown")},
             {"stopped_by": "SIGTERM"},
-            "[?] STOPPED by SIGTERM: the state of a device is unknown",
+            "[?] STOPPED by SIGTERM: the state of a device is not known",
         ),
     ],
 )
@@ -132,13 +132,13 @@ def test_rehearsal_summary_shows_the_result_of_second_runs() -> None:
     assert lines[1] == "[OK] REHEARSED: repeated over 2 links: no further changes"
     lines = last({"r": CHANGED}, rehearsed=True, passes=(Pass("r", "lan", {**SAME, "planned": 2}),))
     assert lines[1] == "[FAIL] FAILED: r ended with an error"
-    assert lines[3] == "look at   r: a second run over lan still finds 2 changes"
+    assert lines[3] == "check     r: a second run over lan still finds 2 changes"
     lines = last({"r": CHANGED}, rehearsed=True, passes=passes, left_out={"g": "not root"})
     assert lines[1:3] == [
-        "[!] REHEARSED IN PART: 1 of 2 devices took part; second runs over 2 links",
-        "    : no further changes",
+        "[!] REHEARSED IN PART: 1 of 2 devices took part; repeated over 2 links: no",
+        "    further changes",
     ]
-    assert lines[-1] == "look at   g: not rehearsed: not root"
+    assert lines[-1] == "check     g: not rehearsed: not root"
 
 
 def test_every_device_is_counted_once() -> None:
@@ -157,7 +157,7 @@ def test_the_worst_device_is_named_with_its_whole_reason_and_its_hint() -> None:
     failed = result(4, "refused", "refused: " + "a long reason " * 20, "provision plan site=coastal")
     lines = last({"r": SAME, "s": failed})
     assert [line[:10].strip() for line in lines[3:] if line[:10].strip()] == ["check", "do"]
-    assert " ".join(" ".join(lines[3:-1]).split()) == f"look at s: refused: {'a long reason ' * 20}".strip()
+    assert " ".join(" ".join(lines[3:-1]).split()) == f"check s: refused: {'a long reason ' * 20}".strip()
     assert lines[-1] == "do        provision plan site=coastal"
     assert all(len(line) <= 80 for line in lines)
 
@@ -169,9 +169,11 @@ def test_path_longer_than_a_line_is_not_broken() -> None:
 
 
 def test_a_warning_is_named_where_nothing_is_worse() -> None:
-    assert last({"r": CHANGED, "sat": WARNED})[-1] == "look at   sat: not checked at the terminal (open its pages)"
+    assert (
+        last({"r": CHANGED, "sat": WARNED})[-1] == "check     sat: nobody has looked at the terminal (open its pages)"
+    )
     drifted = {**SAME, "drift": [{"message": "r has 2 rows of others"}]}
-    assert last({"r": drifted})[-1] == "look at   r has 2 rows of others"
+    assert last({"r": drifted})[-1] == "check     r has 2 rows of others"
 
 
 def test_green_requires_a_complete_run_without_warnings() -> None:

@@ -70,7 +70,7 @@ EVERY: tuple[Record, ...] = (
             ),
         ),
     ),
-    ProtectionRecord(device="router", how="safe mode and a scheduler job"),
+    ProtectionRecord(device="router", how="safe-mode"),
     SignRecord(device="router", sign="run 1 of provision@10.0.0.2"),
     LayerSent(device="router", layer="foundation", actions=(1,)),
     ActionAcknowledgement(device="router", actions=(1,)),
@@ -243,7 +243,7 @@ def test_failed_write_of_confirmed_state_does_not_end_the_journal(
 
     with store.start(STARTED) as journal:
         monkeypatch.setattr("os.fsync", full)
-        with pytest.raises(JournalError, match="the confirmed state is not writable"):
+        with pytest.raises(JournalError, match="the confirmed state cannot be written"):
             journal.confirm("router", lambda: "text")
         monkeypatch.undo()
         journal.write(EVERY[2])
@@ -299,16 +299,18 @@ def test_journal_removed_during_a_run_is_reported_and_not_replaced(
     with store.start(STARTED) as journal:
         lost(tmp_path)
         kept = sorted(tmp_path.rglob("*"))
-        with pytest.raises(JournalError, match="cannot add the confirmed state: the folder of the run was"):
+        with pytest.raises(JournalError, match="the confirmed state cannot be written: the folder of the run was"):
             journal.confirm("router", lambda: "text")
-        with pytest.raises(JournalError, match="cannot add the state before the run: the folder of the run"):
+        with pytest.raises(JournalError, match="the state before the run cannot be written: the folder of the run"):
             journal.save("router", "text")
         assert sorted(tmp_path.rglob("*")) == kept
     shutil.rmtree(tmp_path / "elsewhere", ignore_errors=True)
     with store.start(STARTED) as journal:
         lost(tmp_path)
         for record in EVERY[2:4]:
-            with pytest.raises(JournalError, match="cannot add the journal: the folder of the run was") as failure:
+            with pytest.raises(
+                JournalError, match="the journal cannot be written: the folder of the run was"
+            ) as failure:
                 journal.write(record)
         assert failure.value.hint is not None
         assert "then run the same command again" in failure.value.hint
@@ -354,7 +356,7 @@ def test_failed_state_save_leaves_no_file(store: Store, monkeypatch: pytest.Monk
 
     with store.start(STARTED) as journal:
         monkeypatch.setattr("os.fsync", full)
-        with pytest.raises(JournalError, match="the state before the run is not writable"):
+        with pytest.raises(JournalError, match="the state before the run cannot be written"):
             journal.save("router", "text")
         monkeypatch.undo()
         with pytest.raises(JournalError):
@@ -364,7 +366,7 @@ def test_failed_state_save_leaves_no_file(store: Store, monkeypatch: pytest.Monk
 
 def test_unwritable_state_directory_is_reported(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
-    with pytest.raises(JournalError, match="the journal is not writable"):
+    with pytest.raises(JournalError, match="the journal cannot be written"):
         Store(tmp_path).start(STARTED)
 
 

@@ -176,7 +176,7 @@ def test_a_failed_replacement_leaves_the_old_file(tmp_path: Path, monkeypatch: p
 
 def test_unwritable_lock_is_reported(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
-    with pytest.raises(JournalError, match="the site lock is not writable"), Store(tmp_path).lock("coastal", "c"):
+    with pytest.raises(JournalError, match="the site lock cannot be written"), Store(tmp_path).lock("coastal", "c"):
         pass
 
 

@@ -50,14 +50,14 @@ def test_restart_is_detected_and_the_gap_named(usage: Usage) -> None:
     assert (month.bytes, month.since) == (500, NOON)
     when, what = month.gaps[0].split(" UTC the ")
     assert when == "between 2026-11-21 12:00 UTC and 2026-11-21 12:10"
-    assert what == "the router restarted: traffic before that is not counted"
+    assert what == "router restarted: traffic before that is not counted"
     assert len(month.gaps) == 1
 
 
 def test_early_restart_is_detected_despite_a_longer_uptime(usage: Usage) -> None:
     usage.record("satellite", look(9000, 9000, uptime_s=60))
     assert usage.record("satellite", look(300, 20_000, after_s=7200, uptime_s=3600)) == 20_300
-    assert "the router restarted " in usage.month("satellite", NOON).gaps[0]
+    assert "the router restarted: " in usage.month("satellite", NOON).gaps[0]
 
 
 def test_restart_or_clock_change_counts_the_smaller_amount(usage: Usage) -> None:
@@ -137,7 +137,7 @@ def test_damaged_file_is_reported_and_left_unchanged(usage: Usage, tmp_path: Pat
 
 def test_unwritable_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
-    with pytest.raises(JournalError, match="the data usage of this month is not writable"):
+    with pytest.raises(JournalError, match="the data usage of this month cannot be written"):
         Store(tmp_path).usage("coastal").record("satellite", look(1, 1))
 
 

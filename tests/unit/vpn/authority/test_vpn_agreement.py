@@ -158,7 +158,7 @@ MANIPULATIONS: dict[str, tuple[Callable[[Path], None], str]] = {
         "certs/iqua-b.pem is not in the record",
     ),
     "the list is an old one": (put_back("crl.pem"), "which is revoked: provision vpn sync --sign"),
-    "the head is gone": (removed("ledger.head"), "nothing says how long the ledger was"),
+    "the head is gone": (removed("ledger.head"), "the length of the ledger is not known"),
     "the head is an old one": (
         put_back("ledger.head"),
         (

@@ -19,14 +19,16 @@ def test_lock_holder_is_named_and_waited_for(tmp_path: Path, monkeypatch: pytest
     with Lock(made.folder, "ana"):
         assert is_held(made.folder)
         with (
-            pytest.raises(AuthorityBusy, match=rf"is being worked on by .*\(process {os.getpid()}\).*: as ana") as busy,
+            pytest.raises(
+                AuthorityBusy, match=rf"authority is locked by .*\(process {os.getpid()}\).*: as ana"
+            ) as busy,
             made.signing(waiting=told.append),
         ):
             pass
         assert busy.value.exit is ExitCode.FAILED
     assert len(told) == 1
     assert told[0].startswith("waiting for ")
-    assert "as ana, who works on the authority" in told[0]
+    assert "as ana, who is working on the authority" in told[0]
     assert not is_held(made.folder)
     with made.signing(waiting=told.append):
         assert is_held(made.folder)

@@ -47,9 +47,7 @@ def test_existing_authority_is_not_replaced(tmp_path: Path) -> None:
     before = tree(made.folder)
     assert Authority.init(made.folder, OTHER, NAMES, "me").folder == made.folder
     other = ServerNames("vpn-server", ("other.example",), (IPv4Address("192.0.2.1"),))
-    with pytest.raises(
-        UsageError, match=r"there is an authority in .* already, whose server is vpn.example, 192.0.2.1"
-    ):
+    with pytest.raises(UsageError, match=r"already has an authority, whose server is vpn.example, 192.0.2.1"):
         Authority.init(made.folder, OTHER, other, "me")
     assert tree(made.folder) == before
 
@@ -62,7 +60,7 @@ def test_a_weak_passphrase_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_missing_authority_is_reported_with_the_init_command(tmp_path: Path) -> None:
-    with pytest.raises(NoAuthority, match="no such playbook: authority in") as missing:
+    with pytest.raises(NoAuthority, match="there is no authority in") as missing:
         Authority.open(tmp_path)
     assert "provision vpn init" in str(missing.value.hint)
     assert missing.value.exit is ExitCode.USAGE
@@ -72,7 +70,7 @@ def test_lost_ledger_is_not_overwritten_by_init(tmp_path: Path) -> None:
     made = stand(tmp_path)
     (made.folder / "ledger.jsonl").unlink()
     before = tree(made.folder)
-    with pytest.raises(CorruptAuthorityError, match=r"has ca.crt, crl.pem, ca.key.vault, but not the ledger"):
+    with pytest.raises(CorruptAuthorityError, match=r"has ca.crt, crl.pem, ca.key.vault, but no ledger"):
         Authority.open(made.folder)
     with pytest.raises(CorruptAuthorityError, match="but no ledger"):
         Authority.init(made.folder, PASSPHRASE, NAMES, "me", "vault")

@@ -37,8 +37,8 @@ def empty_list(folder: Path) -> None:
 MENDED: list[tuple[Callable[[Path], None], str]] = [
     (remove_copy, "certs/iqua-a.pem is missing; the next command that signs writes it again"),
     (change_copy, "certs/iqua-a.pem is not the certificate that was recorded"),
-    (remove_list, "cannot read crl.pem: No such file or directory"),
-    (empty_list, "crl.pem would lock everybody out, or admit the revoked"),
+    (remove_list, "crl.pem cannot be read: No such file or directory"),
+    (empty_list, "crl.pem would lock everybody out, or admit revoked members"),
 ]
 
 
@@ -67,7 +67,7 @@ def test_older_revocation_list_is_replaced_with_a_higher_number(tmp_path: Path) 
         f"crl.pem (number {number - 1}) is not the revocation list that was recorded last (number {number})",
         f"crl.pem lacks serial {serial:x}, which is revoked: provision vpn sync --sign",
     ]
-    with pytest.raises(CorruptAuthorityError, match="is not the list that was recorded last"):
+    with pytest.raises(CorruptAuthorityError, match="is not the revocation list that was recorded last"):
         made.authority.crl()
     with made.signing() as signer:
         assert signer.membership.crl_number == number + 1
@@ -121,8 +121,8 @@ def test_expiry_warnings_are_given_in_time(tmp_path: Path) -> None:
     made.issue("a")
     days = {days: " | ".join(made.authority.check(NOW + timedelta(days=days))) for days in (59, 61, 100, 370, 400)}
     assert days[59] == ""
-    assert days[61].startswith("crl.pem ends on ")
-    assert "crl.pem would lock everybody out, or admit the revoked" in days[100]
+    assert days[61].startswith("crl.pem expires on ")
+    assert "crl.pem would lock everybody out, or admit revoked members" in days[100]
     assert "it expired on" in days[100]
     assert "iqua-a ends on" in days[370]
     assert "iqua-a ended on" in days[400]
@@ -135,7 +135,7 @@ def test_file_readable_by_others_is_reported(tmp_path: Path) -> None:
     made = stand(tmp_path)
     (made.folder / "server" / "server.key").chmod(0o644)
     (problem,) = made.authority.check()
-    assert problem.endswith(f"other users can read server.key: chmod go= {made.folder}/server/server.key")
+    assert problem.endswith(f"server.key can be read by others: chmod go= {made.folder}/server/server.key")
 
 
 def test_ageing_revocation_list_is_re_signed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

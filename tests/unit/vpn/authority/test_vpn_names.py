@@ -21,8 +21,8 @@ LIKE = "a name has a to z, 0 to 9 and `-` between them, like sparus2"
 SAID = [
     ("", "device `` is empty", LIKE),
     ("Sparus2", "device `Sparus2` has capital letters: names are written small", "device=sparus2, for instance"),
-    ("sparus 2", "device `sparus 2` has a space in it", "for example device=sparus-2"),
-    ("sparus_2", "device `sparus_2` has a `_` in it: write `-`", "for example device=sparus-2"),
+    ("sparus 2", "device `sparus 2` has a space in it", "device=sparus-2, for instance"),
+    ("sparus_2", "device `sparus_2` has a `_` in it: write `-`", "device=sparus-2, for instance"),
     ("sparus2\n", "device `sparus2\\n` has a line break at its end", "device=sparus2, for instance"),
     (
         "sp\0arus",
@@ -92,5 +92,5 @@ def test_declared_host_name_is_reserved(tmp_path: Path) -> None:
     membership = stand(tmp_path).authority.membership()
     with pytest.raises(NameTaken, match="is the name of a declared host") as taken:
         check_free("scc-gateway", "scc", "gateway", membership, {"scc-gateway"})
-    assert taken.value.hint == "for example device=gateway-2"
+    assert taken.value.hint == "device=gateway-2, for instance"
     assert check_free("scc-gateway", None, "scc-gateway", membership, {"scc-gateway"}) is None

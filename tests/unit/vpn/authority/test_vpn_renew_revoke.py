@@ -101,7 +101,7 @@ def test_revocation_covers_all_certificates_and_can_be_repeated(tmp_path: Path) 
         signer.renew("iqua-a", made.deliver)
         number = signer.membership.crl_number
         first = signer.revoke(["iqua-a", "iqua-b", "iqua-a"], "lost at sea")
-        again = signer.revoke(["iqua-a", "iqua-b"], "checking again")
+        again = signer.revoke(["iqua-a", "iqua-b"], "once more")
     assert first.common_names == again.common_names == ("iqua-a", "iqua-a.2", "iqua-b")
     assert first.members == again.members == ("iqua-a", "iqua-b")
     assert (first.already, again.already) == ((), ("iqua-a", "iqua-b"))
@@ -127,7 +127,7 @@ def test_a_revoked_member_is_not_renewed(tmp_path: Path) -> None:
             signer.revoke(["iqua-sparus"], "lost")
         assert unknown.value.hint == "did you mean `iqua-sparus2`?"
         for reason in ("a\nb", "\x1b[2J", "x" * 300):
-            with pytest.raises(UsageError, match="the reason is no short text"):
+            with pytest.raises(UsageError, match="the reason must be a short text on one line"):
                 signer.revoke(["iqua-sparus2"], reason)
         with pytest.raises(UsageError, match="no member to revoke was given"):
             signer.revoke([], "lost")

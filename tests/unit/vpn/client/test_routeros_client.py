@@ -55,8 +55,8 @@ class Console:
     [
         ("6.49.18", "over TCP alone"),
         ("7.8", "cannot import"),
-        ("7.16.2", "not a tls-crypt-v2 server key"),
-        ("7.17rc3", "not a tls-crypt-v2 server key"),
+        ("7.16.2", "no tls-crypt"),
+        ("7.17rc3", "no tls-crypt"),
         ("7.17", None),
         ("7.24", None),
     ],

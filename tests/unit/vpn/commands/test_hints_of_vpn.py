@@ -332,7 +332,7 @@ SITUATIONS: dict[str, Situation] = {
         "",
     ),
     "revoked, for later": (gone_later, "`provision vpn sync` ends their sessions: {}", 0, ""),
-    "interrupted by the user": (
+    "stopped by hand": (
         stopped,
         "recorded changes remain: run the same command again, or check with `provision vpn status`",
         0,
@@ -347,11 +347,11 @@ SITUATIONS: dict[str, Situation] = {
         0,
         "the server has a new certificate",
     ),
-    "a new server certificate was requested": (
+    "a new certificate of the server": (
         served,
         "the server has a new certificate: `provision site={}` installs it",
         0,
-        "as in the inventory",
+        "matches the inventory",
     ),
     "nobody ends soon": (
         lambda at: twice(at) and at.type("vpn", "renew", "all=30d", code=7),
@@ -359,13 +359,23 @@ SITUATIONS: dict[str, Situation] = {
         0,
         "until",
     ),
-    "no authority": (without_authority, "`provision vpn init` creates one; `authority=DIR` names it", 0, "made: the"),
-    "no authority for a run": (without_authority_in_a_run, "create one: `provision vpn init`; {}", 0, "made: the"),
+    "no authority": (
+        without_authority,
+        "`provision vpn init` creates one; `authority=DIR` names it",
+        0,
+        "created: VPN",
+    ),
+    "no authority for a run": (
+        without_authority_in_a_run,
+        "create one: `provision vpn init`; {}",
+        0,
+        "created: VPN",
+    ),
     "no authority for the server": (
         without_authority_for_the_server,
-        "create one: `provision vpn init`; where a colleague has it, copy nothing: let them run this",
+        "make one: `provision vpn init`; where a colleague has it, copy nothing: let them run this",
         0,
-        "made: the",
+        "created: VPN",
     ),
     "nobody is in": (
         lambda at: at.type("vpn", "list", code=7),
@@ -381,7 +391,7 @@ SITUATIONS: dict[str, Situation] = {
         "iqua-laptop",
     ),
     "nobody named": (lambda at: of_the_signer(at, lambda signer: signer.revoke([], "a test")), *LIST),
-    "` is not a certificate in use": (no_certificate, *LIST),
+    "no certificate in use": (no_certificate, *LIST),
     "another wish": (
         another_wish,
         "`provision vpn renew name={}` changes link, wrap, key and system; otherwise use another name",
@@ -429,7 +439,7 @@ SITUATIONS: dict[str, Situation] = {
         lambda at: at.type(*GATEWAY),
         "provision site={} device={}",
         0,
-        "as in the inventory",
+        "matches the inventory",
     ),
     "an identity that has ended": (
         an_identity_that_has_ended,
@@ -444,7 +454,7 @@ SITUATIONS: dict[str, Situation] = {
         lambda at: at.type("vpn", "install", "device=coastal-gateway", code=7),
         "gateways get theirs from `provision site={}`",
         0,
-        "as in the inventory",
+        "matches the inventory",
     ),
     "a gateway without identity": (
         a_gateway_without_identity,
@@ -462,7 +472,7 @@ SITUATIONS: dict[str, Situation] = {
         a_list_of_another,
         (
             "it is not signed by this authority, or older than the one in its place: with it a revoked member would "
-            "be let in. Look at `provision vpn status`, and run the same command again"
+            "be let in. Look at `provision vpn status`, and type the same again"
         ),
         0,
         "the record matches its signature",

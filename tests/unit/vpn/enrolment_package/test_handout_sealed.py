@@ -210,9 +210,9 @@ class TestAccept:
         ("wanted", "why"),
         [
             (Wanted(), "it is for a partner's device, not for a computer of the inventory"),
-            (replace(GATEWAY, name="coastal-gatway"), "coastal-gatway, which is no host of this inventory"),
-            (replace(GATEWAY, address="10.80.0.99"), "the address 10.80.0.99; the inventory declares 10.80.0.21"),
-            (replace(GATEWAY, not_after=NOW - timedelta(days=1)), "has expired on 2026-11-21"),
+            (replace(GATEWAY, name="coastal-gatway"), "coastal-gatway, which is not a host of this inventory"),
+            (replace(GATEWAY, address="10.80.0.99"), "the address 10.80.0.99, but the inventory has 10.80.0.21"),
+            (replace(GATEWAY, not_after=NOW - timedelta(days=1)), "expired on 2026-11-21"),
         ],
         ids=["a partner's", "another inventory's", "another address", "expired"],
     )

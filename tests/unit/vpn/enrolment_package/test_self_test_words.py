@@ -40,8 +40,8 @@ WORDS = {
     "not-admitted": f"{SENT}AUTH: Received control message: AUTH_FAILED",
     "sent-away": f"{SENT}SIGTERM[soft,server-pushed-halt] received, process exiting",
     "server-down": "read UDPv4 [ECONNREFUSED]: Connection refused (fd=3,code=111)",
-    "no-way": "add UDPv4: Network is unreachable (fd=3,code=101)",
-    "own-firewall": "add UDPv4: Operation not permitted (fd=3,code=1)",
+    "no-way": "write UDPv4: Network is unreachable (fd=3,code=101)",
+    "own-firewall": "write UDPv4: Operation not permitted (fd=3,code=1)",
     "damaged-key": "OpenSSL: error:0909006C:PEM routines:get_name:no start line",
     "refused": f"{SENT}{LATE}",
     "silence": LATE,
@@ -194,7 +194,7 @@ class TestWithoutOpenvpn:
         rewritten(facts, endpoint="127.0.0.1", port=9)
         assert program.main(["--facts", str(facts)]) == 6
         told = capsys.readouterr().out
-        assert "what is sent to 127.0.0.1 port 9 is refused at once: nobody listens there" in told
+        assert "127.0.0.1 port 9 refuses the connection: no server listens there" in told
 
 
 THROUGH: dict[str, tuple[set[tuple[str, int]], bool]] = {
@@ -264,7 +264,7 @@ def test_missing_or_damaged_facts_file_is_reported(
     monkeypatch.chdir(tmp_path)
     spoil(unpacked(tmp_path))
     assert program.main(["--facts", "self-test.json"]) == 6
-    said = "cannot read NOT PASSED\nself-test.json: unpack the enrolment package again, and run its test there\n"
+    said = "NOT PASSED\nself-test.json cannot be read: unpack the hand-out again, and run its test there\n"
     assert capsys.readouterr().out == said
 
 

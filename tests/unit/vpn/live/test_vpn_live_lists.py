@@ -42,7 +42,7 @@ def test_list_of_another_authority_is_refused(tmp_path: Path, ca: pki.Ca) -> Non
     found = read(tmp_path, listed(ca=ca))
     assert found is not None
     assert not found.is_signed
-    with pytest.raises(ModuleError, match="of another authority"):
+    with pytest.raises(ModuleError, match="from another authority"):
         vpn_server.accept(found, None, NOW.timestamp())
 
 
@@ -56,7 +56,7 @@ def test_invalid_list_is_refused(tmp_path: Path, pem: bytes) -> None:
 @pytest.mark.parametrize(
     ("number", "day", "words"),
     [
-        (6, 1, "number 6, and the server has number 7"),
+        (6, 1, "number 6, but the server has number 7"),
         (8, -3, "is not valid yet: nobody could connect"),
         (8, 91, "has expired: nobody could connect"),
     ],
@@ -106,7 +106,7 @@ def test_a_list_of_a_restored_authority_is_refused(tmp_path: Path, new: bytes, w
     assert "a revoked member could connect again" in refused.value.message
 
 
-@pytest.mark.parametrize("more", [(), (B,)], ids=["the same", "remove it by hand before another one is tried"])
+@pytest.mark.parametrize("more", [(), (B,)], ids=["the same", "one more"])
 def test_successor_list_is_accepted(tmp_path: Path, more: tuple[pki.RevokedSerial, ...]) -> None:
     old, new = read(tmp_path, revoking(7, A)), read(tmp_path, revoking(8, A, *more))
     assert vpn_server.accept(new, old, NOW.timestamp()) == new

@@ -97,7 +97,7 @@ def test_management_dialogue(single: bool, notices: str) -> None:  # noqa: FBT00
 
 @pytest.mark.parametrize("real", ["192.0.2.7:1\nkill x", "iqua-d0", "", "192.0.2.7", "a b:1", "192.0.2.7:1\n", "x;y:1"])
 def test_kill_accepts_only_an_address(real: str) -> None:
-    with served() as (management, heard), pytest.raises(ValueError, match="no address"):
+    with served() as (management, heard), pytest.raises(ValueError, match="not the address and port of a client"):
         management.kill(real)
     assert heard == []
 
@@ -112,11 +112,14 @@ def test_unserved_connection_times_out(tmp_path: Path) -> None:
     with closing(socket.socket(socket.AF_UNIX)) as server:
         server.bind(path)
         server.listen(1)
-        with open_socket(path, 0.05) as management, pytest.raises(ManagementBusy, match=r"silent for 0\.05 s"):
+        with (
+            open_socket(path, 0.05) as management,
+            pytest.raises(ManagementBusy, match=r"not responded for 0\.05 s"),
+        ):
             management.wait_for_greeting()
-    with pytest.raises(ServerDown, match="nobody listens"), open_socket(path, 0.05):
+    with pytest.raises(ServerDown, match="no server listens on"), open_socket(path, 0.05):
         pass
-    with pytest.raises(ServerDown, match="nobody listens"), open_socket(str(tmp_path / "none"), 0.05):
+    with pytest.raises(ServerDown, match="no server listens on"), open_socket(str(tmp_path / "none"), 0.05):
         pass
 
 
@@ -183,9 +186,9 @@ def test_columns_are_located_by_name() -> None:
         ([ROW, "END"], "does not match its header:"),
         ([HEADER, ROW + "\tmore", "END"], "does not match its header:"),
         ([HEADER, ROW.rpartition("\t")[0], "END"], "does not match its header:"),
-        ([HEADER, ROW], "no end"),
+        ([HEADER, ROW], "the status is incomplete"),
         ([HEADER, ROW.replace("\t7\t", "\tseven\t"), "END"], "is invalid:"),
-        ([HEADER.replace("Client ID", "Number"), ROW, "END"], "not as it should be: 'Client ID'"),
+        ([HEADER.replace("Client ID", "Number"), ROW, "END"], "a row of CLIENT_LIST is invalid: 'Client ID'"),
     ],
 )
 def test_incomplete_status_is_refused(lines: list[str], words: str) -> None:

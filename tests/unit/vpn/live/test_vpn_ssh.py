@@ -72,8 +72,14 @@ def test_ansible_control_connection_is_shared(monkeypatch: pytest.MonkeyPatch, t
             "it shows a different SSH host key than before",
             "ssh-keygen -R scc-vpn",
         ),
-        (255, "tech@192.0.2.10: Permission denied (publickey).\n", ServerAway, "does not let you in", "ssh-copy-id"),
-        (1, "sudo: a password is required\n", ServerAway, "does not become root", "sudoers"),
+        (
+            255,
+            "tech@192.0.2.10: Permission denied (publickey).\n",
+            ServerAway,
+            "refused the login as tech",
+            "ssh-copy-id",
+        ),
+        (1, "sudo: a password is required\n", ServerAway, "cannot become root", "sudoers"),
         (127, "sh: 1: python3: not found\n", ServerAway, "has no python3", "apt-get install python3"),
     ],
 )

@@ -98,7 +98,7 @@ def test_vault_requires_a_stronger_passphrase() -> None:
     """Its guesses are a thousand times cheaper."""
     middling = Secret("lantern velvet mackerel"[:18])
     pki.check_passphrase(middling, pki.SEAL_GUESSES)
-    with pytest.raises(pki.WeakPassphrase, match=r"10\^16 are needed"):
+    with pytest.raises(pki.WeakPassphrase, match=r"10\^16 are required"):
         pki.check_passphrase(middling, pki.VAULT_GUESSES)
 
 
@@ -112,7 +112,7 @@ def test_memory_needed_to_open_is_known_and_a_lack_is_reported(tmp_path: Path, m
     memory.write_text(f"MemTotal: 99 kB\nMemAvailable:   {(needed >> 10) - 1} kB\n")
     for call, what in ((lambda: pki.unseal(strong, RIGHT), "opening"), (lambda: pki.seal(DATA, RIGHT), "sealing")):
         said = told(call, pki.SealTooLarge)
-        assert said == f"{what} it takes 256 MiB of memory, and this computer has 255 MiB left"
+        assert said == f"{what} it needs 256 MiB of memory, but this computer has only 255 MiB free"
     for enough in (f"MemAvailable:   {needed >> 10} kB\n", "nothing of it"):
         memory.write_text(enough)
         assert pki.unseal(strong, RIGHT) == DATA
@@ -125,7 +125,7 @@ def test_a_recipient_opens_what_was_sealed_for_it() -> None:
     assert pki.unseal_with(made, Secret(f"{IDENTITY}\n")) == DATA
     other = Secret(str(pyrage.x25519.Identity.generate()))
     assert "another key" in told(lambda: pki.unseal_with(made, other), pki.WrongPassphrase)
-    assert "cut or damaged" in told(lambda: pki.unseal_with(made[:-60], other), pki.CorruptSealError)
+    assert "truncated or damaged" in told(lambda: pki.unseal_with(made[:-60], other), pki.CorruptSealError)
     assert "not an age key" in told(lambda: pki.unseal_with(made, Secret("canary")), pki.InvalidRecipientError)
 
 
@@ -166,7 +166,7 @@ def test_invalid_recipient_is_reported(text: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [str(IDENTITY), "-----BEGIN OPENSSH PRIVATE KEY-----\ncanary\n", f" {IDENTITY}".lower()],
-    ids=["age", "ssh", "use lower-case letters"],
+    ids=["age", "ssh", "small letters"],
 )
 def test_a_secret_key_given_for_a_public_one_is_not_repeated(text: str) -> None:
     said = told(lambda: pki.check_recipient(text), pki.InvalidRecipientError)

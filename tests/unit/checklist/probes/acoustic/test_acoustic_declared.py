@@ -69,7 +69,7 @@ SAID_OF_NOTHING = {
     Trouble.UNREACHABLE: "INCONCLUSIVE unreachable: the modem of Sparus is not reachable at 10.64.1.22:9200",
     Trouble.MISSING: "FAIL no-port: the serial port 10.64.1.22:9200 for the modem of Sparus does not exist",
     Trouble.DENIED: "INCONCLUSIVE denied: no permission to open 10.64.1.22:9200 for the modem of Sparus",
-    Trouble.NO_PLACE: "INCONCLUSIVE no-place: the modem of Sparus was not contacted: no way to coastal-gateway",
+    Trouble.NO_PLACE: "INCONCLUSIVE no-place: the modem of Sparus was not queried: no way to coastal-gateway",
     None: (
         f"{IN_USE}: the modem of Sparus accepts the connection at 10.64.1.22:9200 and sends nothing: the vehicle "
         "is probably using it"
@@ -104,7 +104,7 @@ def test_serial_port_is_read_at_the_declared_place(shipped: Inventory) -> None:
     question = asked(step)
     assert (question.transport, question.device, question.baud) == ("serial", "/dev/ttyUSB0", 115200)
     assert (question.place, question.address, question.port) == (Place.LAPTOP, "", 0)
-    assert question.name == "modem at /dev/ttyUSB0 of this laptop"
+    assert question.name == "modem at /dev/ttyUSB0 on this laptop"
 
 
 def test_baud_rate_is_declared_or_default(shipped: Inventory) -> None:

@@ -39,10 +39,8 @@ def both(*pairs: tuple[dict[str, Any], dict[str, Any]]) -> Transcript:
 
 LIES = {
     # Each lie beside a neighbour that is true.
-    "NMEA, a fix from no satellites": Case(TCP, heard(nmea(*[gga(s, used="00") + rmc(s) + gsa() for s in range(5)]))),
-    "NMEA, a fix from three satellites": Case(
-        TCP, heard(nmea(*[gga(s, used="03") + rmc(s) + gsa(2) for s in range(5)]))
-    ),
+    "NMEA, a fix of no satellites": Case(TCP, heard(nmea(*[gga(s, used="00") + rmc(s) + gsa() for s in range(5)]))),
+    "NMEA, a fix of three satellites": Case(TCP, heard(nmea(*[gga(s, used="03") + rmc(s) + gsa(2) for s in range(5)]))),
     "gpsd, satellites in view and none used": Case(GPSD, heard(gpsd(*fixes(5), sky={**SKY, "uSat": 0}))),
     "gpsd, a receiver that tells no satellites": Case(GPSD, heard(gpsd(*fixes(5), sky={**SKY, "uSat": 0, "nSat": 0}))),
     "gpsd, the satellites of another receiver": Case(
@@ -126,7 +124,7 @@ CASES = {
     "gpsd, listened to from the middle of an epoch on": Case(
         GPSD, heard(gpsd({"class": "TPV", "device": say.PATH, "mode": 3, "eph": 17.1}, *fixes(5)))
     ),
-    "gpsd, one epoch reported three times": Case(
+    "gpsd, one epoch told three times": Case(
         GPSD, heard(gpsd(tpv(0, time=None), tpv(0), tpv(0), tpv(1), tpv(2), every_s=0.5))
     ),
     "NMEA, healthy": Case(TCP, heard(nmea(*EPOCHS))),
@@ -141,7 +139,7 @@ CASES = {
     # Sick, without a fix.
     "gpsd, no fix": Case(GPSD, heard(gpsd(*[NO_FIX] * 10))),
     "gpsd, no fix under a roof": Case(GPSD, heard(gpsd(*[NO_FIX] * 10)), ROOF),
-    "gpsd, mode is not a number": Case(GPSD, heard(gpsd(*fixes(5, mode="3")))),
+    "gpsd, mode is no number": Case(GPSD, heard(gpsd(*fixes(5, mode="3")))),
     "NMEA, no fix": Case(TCP, heard(nmea(*[no_fix(second) for second in range(10)]))),
     "NMEA, no fix under a roof": Case(TCP, heard(nmea(*[no_fix(second) for second in range(10)])), ROOF),
     "NMEA, GGA has a fix and RMC is void": Case(
@@ -212,7 +210,7 @@ CASES = {
         GPSD, heard([*gpsd()[:1], (3.0, say.said({"class": "DEVICE", "path": say.PATH, "activated": 0}))], 15.0)
     ),
     "gpsd, receiver says nothing": Case(GPSD, heard(gpsd(), 15.0)),
-    "gpsd, vehicle off": Case(GPSD, troubled(Trouble.SILENT, "10.64.1.22 port 2947: no response within 10 s")),
+    "gpsd, vehicle off": Case(GPSD, troubled(Trouble.SILENT, "10.64.1.22 port 2947: no answer within 10 s")),
     "gpsd, no way": Case(GPSD, troubled(Trouble.UNREACHABLE, "10.64.1.22 port 2947: Network is unreachable")),
     "gpsd, gateway not reached": Case(GPSD, troubled(Trouble.NO_PLACE, "Connection timed out")),
     "NMEA, not started or in use": Case(TCP, troubled(Trouble.REFUSED, "10.64.1.21 port 10110: Connection refused")),

@@ -128,13 +128,13 @@ def test_position_counts_without_settings() -> None:
         (
             Trouble.NO_PLACE,
             (
-                "INCONCLUSIVE place-not-reached: GPS of off-router was not checked: off-router was not reachable: "
-                "no route"
+                "INCONCLUSIVE place-not-reached: nobody has listened to GPS of off-router: "
+                "off-router was not reached: no route"
             ),
         ),
         (
             Trouble.SILENT,
-            "INCONCLUSIVE no-answer: no response at off-router: Offshore is off, or not in the network",
+            "INCONCLUSIVE no-answer: nobody answers at off-router: Offshore is off, or not in the network",
         ),
     ],
 )
@@ -181,4 +181,6 @@ def test_time_zone_counts_only_if_the_router_reports_it() -> None:
 def test_position_without_a_compared_clock_does_not_pass() -> None:
     unheard = replace(ON, response_time=0.0, rows=(ROW,))
     found = PROBE.judge({"monitor": unheard, "settings": ON, "clock": CLOCK})
-    assert told(found) == ["INCONCLUSIVE clock-unknown: the receiver time of Offshore was not compared with a clock"]
+    assert told(found) == [
+        "INCONCLUSIVE clock-unknown: the time of the receiver of Offshore was not compared with a clock"
+    ]

@@ -241,10 +241,10 @@ BROKEN: dict[str, Callable[[], World]] = {
         around={**AROUND, "dhcp_servers": {"bridge-lan": ("02:00:5E:00:01:24",)}},
         script="/ip dhcp-server alert add interface=bridge-lan disabled=no",
     ),
-    "a DHCP server that responses known cards only": lambda: pc(
+    "a DHCP server that answers known cards only": lambda: pc(
         dhcp={"eth0": (OWN, ROGUE.model_copy(update={"knows": ("02:00:5E:00:01:24",)}))}
     ),
-    "a DHCP server that responses a card that is not in the inventory": lambda: pc(
+    "a DHCP server that answers a card that is not declared": lambda: pc(
         dhcp={"eth0": (OWN, ROGUE.model_copy(update={"knows": ("02:00:5E:AA:00:77",)}))}
     ),
     "another card offers as the router, which is silent": lambda: pc(
@@ -266,7 +266,7 @@ BROKEN: dict[str, Callable[[], World]] = {
         )
     ),
     "an address that another card had before": lambda: pc(neighbours=stale("10.64.1.24", "02:00:5E:AA:00:01")),
-    "an address that nobody has requirement lately": lambda: pc(neighbours=stale("10.64.1.151", "02:00:5E:AA:00:01")),
+    "an address that nobody has asked for lately": lambda: pc(neighbours=stale("10.64.1.151", "02:00:5E:AA:00:01")),
     "a card at a reserved address, some time ago": lambda: pc(neighbours=stale("10.64.1.26", "02:00:5E:AA:00:01")),
     "another card at a reserved address": lambda: around(cards={**CARDS, "10.64.1.24": "02:00:5E:AA:00:09"}),
     "a robot took the address of another": lambda: around(cards={**CARDS, "10.64.1.24": "02:00:5E:00:01:23"}),
@@ -289,7 +289,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "files of the gateway may not be read": lambda: answers(
         lambda question, answer: CommandResult(Trouble.DENIED) if question.name == NETPLAN else answer
     ),
-    "an address of the router is disabled": lambda: typed('/ip address disable [find address="10.10.1.2/29"]'),
+    "an address of the router is switched off": lambda: typed('/ip address disable [find address="10.10.1.2/29"]'),
     "the router has another mask": lambda: typed('/ip address set [find address="10.64.1.1/24"] address=10.64.1.1/16'),
     "the router lacks an address": lambda: typed('/ip address remove [find address="10.10.2.2/29"]'),
     "an address of the router is on another port": lambda: typed(
@@ -315,7 +315,7 @@ BROKEN: dict[str, Callable[[], World]] = {
         )
     ),
     # factory settings
-    "a device on a factory address responses ARP": lambda: World(neighbours=(*World().neighbours, "192.168.2.2")),
+    "a device on a factory address answers ARP": lambda: World(neighbours=(*World().neighbours, "192.168.2.2")),
     "a device on a factory address is a neighbour": lambda: pc(neighbours=seen("192.168.88.1", "02:00:5E:AA:00:03")),
     "a device with a factory name": lambda: World(
         around={
@@ -338,7 +338,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the better link is down": lambda: World(
         looks={**LOOKS, "wifi-ptp": {"state": "down", "active": False}}, script=LEAVE
     ),
-    "whether the better link works is unknown": lambda: World(
+    "whether the better link works is not known": lambda: World(
         looks={**LOOKS, "wifi-ptp": {"state": "unknown", "active": False}}, script=LEAVE
     ),
     "no default route": lambda: typed('/ip route disable [find dst-address="0.0.0.0/0"]'),
@@ -389,7 +389,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "time zones are others": lambda: World(
         pc=timed(computer(), zone="Etc/UTC"), script="/system clock set time-zone-name=Europe/Brussels"
     ),
-    "no time server responses": lambda: World(
+    "no time server answers": lambda: World(
         around={**AROUND, "time_server": None}, pc=timed(computer(), is_synchronised=False)
     ),
     "the router asks no time server": lambda: typed("/system ntp client set enabled=no"),
@@ -411,7 +411,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the router's NTP client is off, and its clock was set before": lambda: lines_of(
         "/system/ntp/client", {"enabled": "false", "status": "synchronized"}
     ),
-    "a time server that is not in the inventory": lambda: lines_of(
+    "a time server that is not declared": lambda: lines_of(
         "/system/ntp/client", {"enabled": "true", "status": "synchronized", "synced-server": "198.51.100.7"}
     ),
     "the router does not say which time server": lambda: lines_of(
@@ -421,7 +421,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the gateway does not say what sets its clock": lambda: ran("timedatectl", out="NTPSynchronized=yes\n"),
     # VPN
     "the router's tunnel is down": lambda: around(tunnels={}),
-    "the router's tunnel is disabled": lambda: typed("/interface ovpn-client disable ovpn-scc"),
+    "the router's tunnel is switched off": lambda: typed("/interface ovpn-client disable ovpn-scc"),
     "the router has no tunnel": lambda: lines_of("/interface/ovpn-client"),
     "the router has another tunnel address": lambda: around(tunnels={"ovpn-scc": "10.80.0.99/16"}),
     "the gateway has no tunnel": lambda: World(pc=without_tunnel()),
@@ -458,18 +458,18 @@ BROKEN: dict[str, Callable[[], World]] = {
     "what is sent arrives outside of the VPN": lambda: centre(arrives_by="eth0"),
     "an answer comes back outside of the VPN": lambda: reflected(interface="eth0"),
     "another computer has the control centre's address": lambda: centre(host="somebody"),
-    "another address responses": lambda: reflected(sender="10.80.0.77"),
+    "another address answers": lambda: reflected(sender="10.80.0.77"),
     "an answer without the token": lambda: reflected(data=b'{"token":"' + b"e" * 32 + b'","host":"scc-control"}'),
-    "nothing responses at the control centre": lambda: reflected(Trouble.REFUSED, "10.80.0.2: Connection refused"),
+    "nothing answers at the control centre": lambda: reflected(Trouble.REFUSED, "10.80.0.2: Connection refused"),
     "nothing can be sent": lambda: reflected(Trouble.UNREACHABLE, "10.80.0.2: Network is unreachable"),
     "data would leave by the cable": lambda: pc(
         routes=(*computer().routes, linux.RouteSpec(to="10.80.0.2/32", via="10.64.1.77", dev="eth0"))
     ),
-    "no such playbook: route to the control centre": lambda: ran(
-        "way scc-control", rc=2, out="", err="RTNETLINK responses: Network is unreachable\n"
+    "there is no route to the control centre": lambda: ran(
+        "way scc-control", rc=2, out="", err="RTNETLINK answers: Network is unreachable\n"
     ),
     # DDS
-    "no program uses DDS on": lambda: pc(udp=(linux.UdpSpec(port=5353),), dds=()),
+    "nobody speaks DDS": lambda: pc(udp=(linux.UdpSpec(port=5353),), dds=()),
     "DDS in another domain": lambda: pc(
         udp=udp(7650, 7660, 7661), dds=(linux.DdsSpec(domain=1, addresses=("10.80.0.21",)),)
     ),
@@ -500,7 +500,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "DDS on the loopback, and one that is reached": lambda: pc(
         dds=(*dds("127.0.0.1"), *dds("10.64.1.10", "10.80.0.21"))
     ),
-    "DDS of which nobody knows who responses": lambda: answers(
+    "DDS of which nobody knows who answers": lambda: answers(
         lambda question, answer: (
             DdsDiscoverResult(Trouble.DENIED) if isinstance(question, DdsDiscoverRequest) else answer
         )
@@ -542,12 +542,12 @@ BROKEN: dict[str, Callable[[], World]] = {
     ),
     "the gateway's identity was cut": lambda: pc(certificates={IDENTITY: computer().certificates[IDENTITY][:1]}),
     # PoE
-    "no device draws power on": lambda: around(loads={"ether1": Load(), "ether3": Load()}),
+    "nobody draws power": lambda: around(loads={"ether1": Load(), "ether3": Load()}),
     "a short circuit": lambda: load(status="short-circuit"),
     "an overload": lambda: load(status="overload"),
     "a word for power that nobody knows": lambda: load(status="meditating"),
     "a box draws nothing": lambda: load(milliamps=0),
-    "power is disabled": lambda: typed("/interface ethernet set ether2 poe-out=off"),
+    "power is switched off": lambda: typed("/interface ethernet set ether2 poe-out=off"),
     "a port that feeds has another name": lambda: typed("/interface ethernet set ether2 name=starlink"),
     "two ports that feed have swapped their names": lambda: typed(
         "/interface ethernet set ether2 name=x; /interface ethernet set ether3 name=ether2;"
@@ -563,7 +563,7 @@ BROKEN: dict[str, Callable[[], World]] = {
         "/interface/ethernet/poe", {"name": "ether1", "poe-out-status": "powered-on"}
     ),
     # the satellite's allow-list
-    "the drop of the allow-list is disabled": lambda: typed(
+    "the drop of the allow-list is switched off": lambda: typed(
         "/ip firewall filter disable [find chain=to-satellite action=drop]"
     ),
     "the allow-list is not asked": lambda: typed(
@@ -599,7 +599,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the allow-list lets a target through at times only": lambda: typed(
         "/ip firewall filter set [find chain=to-satellite dst-address=192.0.2.124] src-address=10.64.1.10"
     ),
-    "the counters of the allow-list are unknown": lambda: looks(satellite={"quality": {"kept_off_packets": None}}),
+    "the counters of the allow-list are not known": lambda: looks(satellite={"quality": {"kept_off_packets": None}}),
     # nobody answers, or not so
     "the gateway is not reached": lambda: answers(at(Place.GATEWAY, Trouble.NO_PLACE, "10.64.1.10: no route to host")),
     "the router is not reached": lambda: answers(
@@ -616,5 +616,5 @@ BROKEN: dict[str, Callable[[], World]] = {
     "programs fail": lambda: answers(failing),
     "answers come late": lambda: answers(late),
     "answers take as long as over a satellite": lambda: answers(slow),
-    "not checked at the time": lambda: answers(unstamped),
+    "nobody has looked at the time": lambda: answers(unstamped),
 }

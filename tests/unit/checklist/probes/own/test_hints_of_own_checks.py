@@ -100,7 +100,7 @@ SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
     ),
     "a better link": (
         lambda: telling("better-unknown"),
-        "check `provision links site={}` when the boxes answer again",
+        "check `provision links site={}` when the devices respond again",
         7,
         LINKS,
     ),

@@ -108,7 +108,7 @@ def test_vpn_and_dds_items_remain_if_undeclared() -> None:
         found = {step.name: step for step in steps(Cell(whole, "scc", None, "site"))}
         assert {found[name].kind for name in ("vpn", "dds")} == {ItemKind.PERSON}
         assert not [name for name in ("vpn", "dds") if found[name].unless]
-    assert "No the inventory says host of scc in the VPN" in found["vpn"].do
+    assert "The inventory has no device of scc in the VPN" in found["vpn"].do
     assert "The inventory has no DDS" in found["dds"].do
 
 

@@ -40,7 +40,7 @@ def told(**silent: probes.ReflectResult) -> list[str]:
 
 def test_every_gateway_is_asked_and_has_its_finding() -> None:
     assert told() == [
-        f"PASS data-reaches: {name} has answered 3 of 3 messages through the VPN over uplink, the slowest in 700 ms"
+        f"PASS data-reaches: {name} responded to 3 of 3 messages through the VPN over uplink, the slowest in 700 ms"
         for name in GATEWAYS
     ]
 

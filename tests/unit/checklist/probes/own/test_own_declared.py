@@ -119,8 +119,8 @@ def test_site_with_one_certificate_passes() -> None:
 
 def test_control_centre_in_the_vpn_needs_its_own_identity() -> None:
     (line,) = certificates_of_scc(declaration())
-    assert line.startswith("FAIL other-identity: the VPN identity of scc-control holds EXAMPLE VPN authority and")
-    assert line.endswith("coastal-gateway, and no certificate of scc-control")
+    assert line.startswith("FAIL other-identity: the VPN identity of scc-control contains EXAMPLE VPN authority and")
+    assert line.endswith("coastal-gateway, but no certificate of scc-control")
 
 
 def test_port_forced_on_does_not_prove_that_it_feeds() -> None:
@@ -136,10 +136,19 @@ def test_port_forced_on_does_not_prove_that_it_feeds() -> None:
     told = {"poe-out-current": "120mA"}
     fed = own(replace(whole, hosts={**whole.hosts, router.name: changed}))
     for measured, expected in (
-        ({}, "INCONCLUSIVE draw-untold: ether2 of coastal-router, which powers coastal-4g, is powered whether or not"),
+        (
+            {},
+            (
+                "INCONCLUSIVE draw-untold: ether2 of coastal-router, which powers coastal-4g, is always powered, "
+                "and the router does not report the power drawn"
+            ),
+        ),
         (
             told,
-            "PASS powered: coastal-cpe (value not reported), coastal-4g (120mA) and coastal-sat (figure not told) draw",
+            (
+                "PASS powered: coastal-cpe (value not reported), coastal-4g (120mA) and "
+                "coastal-sat (value not reported) draw"
+            ),
         ),
     ):
         world = lines_of("/interface/ethernet/poe", rows[0], {**rows[1], **measured}, rows[2])

@@ -19,19 +19,19 @@ REACHED = LinkFinding(
     Verdict.PASS, "reached", "VPN server (203.0.113.2 udp 1194) was reached after 35 s over the satellite"
 )
 REFUSED = LinkFinding(
-    Verdict.PASS, "refused", "second address (203.0.113.3) is refused by the router; nothing was sent"
+    Verdict.PASS, "refused", "second address (203.0.113.3) is refused by the router, nothing was sent"
 )
 NOT_TRIED = LinkFinding(
-    Verdict.INCONCLUSIVE, "not-tried", "VPN server (203.0.113.2 udp 1194) could not be tested: no way"
+    Verdict.INCONCLUSIVE, "not-tried", "VPN server (203.0.113.2 udp 1194) could not be tried: no way"
 )
 LEAK = LinkFinding(
     Verdict.FAIL, "leak", "second address (203.0.113.3) is not allowed, and was reached", "provision the site"
 )
 QUIET = LinkFinding(
-    Verdict.INCONCLUSIVE, "link-not-seen", "second address did not respond, nothing else was reached", "again"
+    Verdict.INCONCLUSIVE, "link-not-seen", "second address did not answer, nothing else was reached", "again"
 )
 UNSEEN = LinkFinding(
-    Verdict.WARN, "terminal-not-looked-at", "not checked at the terminal coastal-sat", "open its pages"
+    Verdict.WARN, "terminal-not-looked-at", "nobody has looked at the terminal coastal-sat", "open its pages"
 )
 
 
@@ -81,7 +81,7 @@ BRIDGES = (
                     LinkFinding(
                         Verdict.WARN,
                         "signal-strong",
-                        "the signal of coastal-cpe: scc-cpe is -20 dBm, above -35 dBm: the receiver saturates",
+                        "coastal-cpe: scc-cpe is heard with -20 dBm, above -35 dBm: receivers saturate",
                         "reduce `tx_power_dbm` at the other end",
                     ),
                 ),
@@ -130,7 +130,7 @@ UNITS = (
     Case("absent", AWAY),
 )
 TERMINALS = (
-    Case("healthy, not checked at its pages"),
+    Case("healthy, nobody has looked at its pages"),
     Case(
         "not heard of late", {"look": looked("satellite", "unknown", port="ether3", port_link="up", next_hop_seen="no")}
     ),

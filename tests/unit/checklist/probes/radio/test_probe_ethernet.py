@@ -52,8 +52,8 @@ CASES = (
     Case("healthy, a router without `monitor`", {"monitor": Rows(None, "no such command", None)}),
     Case("healthy, a router that counts nothing", {"interfaces": Rows(None, "not permitted", None)}),
     # sick
-    Case("another card responses", {"neigh": neighbour("02:00:5e:00:01:99")}),
-    Case("an old entry of a card that does not respond", SILENT | {"neigh": neighbour(state="FAILED")}),
+    Case("another card answers", {"neigh": neighbour("02:00:5e:00:01:99")}),
+    Case("an old entry of a card that does not answer", SILENT | {"neigh": neighbour(state="FAILED")}),
     Case("one ping is lost", {"ping": pings(19, address="10.64.1.26")}),
     Case(
         "a broken cable",
@@ -78,7 +78,7 @@ CASES = (
     Case("every answer comes twice", {"ping": pings(address="10.64.1.26", twice=20)}),
     Case("one answer comes twice", {"ping": pings(address="10.64.1.26", twice=1)}),
     Case(
-        "duplicates are no responses",
+        "duplicates are no answers",
         {
             "ping": printed(
                 pings(10, address="10.64.1.26", twice=10).out.replace("10 received, +10", "20 received, +10")
@@ -86,7 +86,7 @@ CASES = (
         },
     ),
     Case(
-        "somebody else responses",
+        "somebody else answers",
         {"ping": printed(pings(address="10.64.1.26").out.replace("from 10.64.1.26", "from 10.64.1.99"))},
     ),
     Case("somebody else was asked", {"ping": pings(address="10.64.1.99")}),
@@ -98,11 +98,10 @@ CASES = (
         "the ping was cut short",
         {"ping": printed(pings(2, address="10.64.1.26").out.replace("20 packets", "2 packets").replace("90%", "0%"))},
     ),
-    Case("another port responses", {"monitor": monitor(name="ether4", status="no-link")}),
+    Case("another port answers", {"monitor": monitor(name="ether4", status="no-link")}),
     # absent
     Case(
-        ". Do not plug in a robot that must be kept from the others",
-        SILENT | {"interfaces": port(running="false"), "monitor": monitor(status="no-link", rate="")},
+        "not plugged in", SILENT | {"interfaces": port(running="false"), "monitor": monitor(status="no-link", rate="")}
     ),
     Case(
         "not plugged in, and the router has no `monitor`",
@@ -129,7 +128,7 @@ CASES = (
         "no such port",
         {"interfaces": Rows(None, rows=({"name": "ether1", "running": "true"},)), "monitor": Rows(None, "", None)},
     ),
-    Case("no way", {"route": printed("", 2, "RTNETLINK responses: Network is unreachable\n")}),
+    Case("no way", {"route": printed("", 2, "RTNETLINK answers: Network is unreachable\n")}),
     Case("no address is known", probe={"address": None}),
     Case("nobody is reached", {"monitor": AWAY, "interfaces": AWAY, "route": NOBODY, "neigh": NOBODY, "ping": NOBODY}),
     # garbage

@@ -30,7 +30,7 @@ HEALTHY: dict[str, Answer] = {
     "route": way(),
     "ping": pings(),
 }
-SILENT = "FAIL silent: Sparus (10.70.2.1) replied to none of 20 pings"
+SILENT = "FAIL silent: Sparus (10.70.2.1) answers none of 20 pings"
 
 
 def heard(level: int) -> dict[str, CommandResult]:
@@ -48,7 +48,7 @@ CASES = (
         "healthy, on 2.4 GHz, by iw 6 that has fractions",
         {"link": linked(mhz="2437.0"), "info": info(channel="6 (2437 MHz), width: 20 MHz, center1: 2437 MHz")},
     ),
-    Case("healthy, reported by the MAC address", endpoint={"ssid": None, "mac": BSSID}),
+    Case("healthy, told by the MAC address", endpoint={"ssid": None, "mac": BSSID}),
     Case("healthy, at the declared rate", endpoint={"rate_mbps": 100.0}),
     # sick
     Case("weak", heard(-79)),
@@ -60,7 +60,7 @@ CASES = (
     Case("one antenna is off", {"stations": stations("-52 [-54, -80] dBm")}),
     Case("sends too slowly", {"link": linked(tx="6.5 MBit/s MCS 0")}, {"rate_mbps": 24.0}),
     Case("received a frame of management last", {"link": linked(rx="6.0 MBit/s")}, {"rate_mbps": 24.0}),
-    Case("its rate of sending is unknown", {"link": linked(tx="(unknown)")}, {"rate_mbps": 24.0}),
+    Case("its rate of sending is not known", {"link": linked(tx="(unknown)")}, {"rate_mbps": 24.0}),
     Case("one ping in ten is lost", {"ping": pings(18)}),
     Case("half of the pings are lost", {"ping": pings(10)}),
     Case("slow", {"ping": pings(mean=410.5)}),
@@ -70,7 +70,7 @@ CASES = (
         {"ping": pings(0, more="From 10.70.2.2 icmp_seq=1 Destination Host Unreachable\n")},
     ),
     Case("the way leads elsewhere", {"route": way("eth0")}),
-    Case("no way at all", {"route": printed("", 2, "RTNETLINK responses: Network is unreachable\n")}),
+    Case("no way at all", {"route": printed("", 2, "RTNETLINK answers: Network is unreachable\n")}),
     Case("a channel for indoors", {"link": linked(mhz="5260")}),
     Case("a band that nobody agreed on", {"link": linked(mhz="5975")}),
     Case("the rules of another country", {"rules": rules("PT", "US")}),
@@ -93,7 +93,7 @@ CASES = (
     Case("switched off", {"addr": card('"BROADCAST","MULTICAST"')}),
     Case("iw is not installed", {"link": CommandResult(Trouble.MISSING, "iw")}),
     Case("the gateway is not reached", dict.fromkeys(HEALTHY, NOBODY)),
-    Case("no responses at all", {"addr": CommandResult(Trouble.UNREACHABLE)}),
+    Case("nothing was answered at all", {"addr": CommandResult(Trouble.UNREACHABLE)}),
     # garbage
     Case("words that nobody understands", {"link": printed("Verbunden mit\n")}),
     Case(

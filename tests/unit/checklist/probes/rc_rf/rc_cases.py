@@ -56,8 +56,8 @@ CASES = {
         "heard", heard([[Says().heartbeat(), Says().status(RC, RC, 0), Says().channels()]] * 6)
     ),
     "no SYS_STATUS": Case("heard", heard([[Says().heartbeat(), Says().channels()]] * 6)),
-    "rssi unknown": Case("heard", heard([Says().second(rssi=255)] * 6)),
-    "rssi unknown, with a baseline": Case("heard", heard([Says().second(rssi=255)] * 6), {"rssi_low": 100}),
+    "rssi not known": Case("heard", heard([Says().second(rssi=255)] * 6)),
+    "rssi not known, with a baseline": Case("heard", heard([Says().second(rssi=255)] * 6), {"rssi_low": 100}),
     "rssi below the vehicle's own baseline": Case("heard", heard([Says().second(rssi=80)] * 6), {"rssi_low": 100}),
     "rssi unsteady": Case("heard", heard([Says().second(rssi=rssi) for rssi in (200, 90, 210, 120, 200, 100)])),
     "rssi zero": Case("heard", heard([Says().second(rssi=0)] * 6)),
@@ -92,7 +92,7 @@ CASES = {
     "a flight of an hour ago": Case("heard", heard([[*Says().second(), Says().time(BEGAN - 3600)]] * 6)),
     "healthy, with the time": Case("heard", heard([[*Says().second(), Says().time(BEGAN + 3)]] * 6)),
     "healthy, and nobody has set its clock": Case("heard", heard([[*Says().second(), Says().time(40)]] * 6)),
-    "came only once within": Case("heard", heard([[Says().heartbeat(), Says().status()]] * 5 + [Says().second()])),
+    "channels came once": Case("heard", heard([[Says().heartbeat(), Says().status()]] * 5 + [Says().second()])),
     "no channel is used": Case("heard", heard([Says().second(*[UNUSED] * 8)] * 6)),
     "a ground station sends channels": Case(
         "heard", heard([[*Says().second(), Says(255, component=190).override()]] * 6)

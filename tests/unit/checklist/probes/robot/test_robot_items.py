@@ -141,7 +141,7 @@ def test_failed_observation_is_inconclusive(coastal: Checklist) -> None:
     for name in (*OF_SPARUS[1:], "coastal/robot/strangers"):
         found = judged(coastal, name, RobotsHeardResult(Trouble.NO_PLACE, "no way to 10.64.1.0/24"))
         assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["not-listened"])
-        assert "could not be asked: no way to 10.64.1.0/24" in found.findings[0].message
+        assert "could not be queried: no way to 10.64.1.0/24" in found.findings[0].message
     found = judged(coastal, OF_SPARUS[0], VpnMembersResult(Trouble.NO_PLACE, "this computer has no authority"))
     assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["not-asked"])
 
@@ -181,13 +181,13 @@ VAULTED = "!vault |\n  $ANSIBLE_VAULT;1.1;AES256\n  3063\n"
 
 @pytest.mark.parametrize(
     ("token", "code"),
-    [("EXAMPLE-sparus-token\n", "no robot was discovered"), ("another", "token"), (None, "token-sealed")],
+    [("EXAMPLE-sparus-token\n", "introduced"), ("another", "token"), (None, "token-sealed")],
 )
 def test_vaulted_token_is_compared_after_decryption(inventory: Path, token: str | None, code: str) -> None:
     def decrypt(text: str) -> str:
         assert text.startswith("$ANSIBLE_VAULT;")
         if token is None:
-            raise UsageError("no such playbook: password")
+            raise UsageError("there is no password")
         return token
 
     file = inventory / "robots" / "sparus.yml"
@@ -268,10 +268,7 @@ def test_faulty_keys_file_disables_comparison_of_robots(inventory: Path, keys: s
     (inventory / "robots" / "keys.yml").write_text(keys)
     listed = plan(load(inventory), "coastal", Scope(endpoints=("robot",)))
     assert len(listed.entries) == 7
-    assert {entry.item.id.rpartition("/")[2] for entry in listed.entries} == {
-        "discovered",
-        "so robots outside the inventory cannot be seen",
-    }
+    assert {entry.item.id.rpartition("/")[2] for entry in listed.entries} == {"discovered", "strangers"}
 
 
 def test_vehicle_without_a_file_is_noted(inventory: Path) -> None:
@@ -298,7 +295,7 @@ def test_missing_control_centre_leaves_the_step_to_a_person(declaration: Invento
     cell = Cell(replace(declaration, hosts=hosts), "coastal", "sparus", "robot", robots=files)
     (step,) = (step for step in robot.steps(cell) if step.name == "control-centre")
     assert (step.kind, step.probe) == (ItemKind.PERSON, None)
-    assert step.do.startswith("No the inventory says control centre")
+    assert step.do.startswith("The inventory has no control centre")
 
 
 def test_real_site_reports_why_it_could_not_be_asked(declaration: Inventory) -> None:
