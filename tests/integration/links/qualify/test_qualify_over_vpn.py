@@ -255,5 +255,5 @@ def test_tunnel_over_another_link_proves_nothing_and_stays_in_budget(
     found, _ = measured(stand, tmp_path, monkeypatch, BUDGET, leads=False)
     used = octets(stand, "eth0") - before
     assert (found.way, found.reason) == (Verdict.FAIL, "bytes"), found.way_reason
-    assert "packets of the tunnel went over wifi-ptp" in found.way_reason
+    assert "packets of the tunnel used wifi-ptp" in found.way_reason
     assert 0.6 * BUDGET < used <= BUDGET + LARGEST

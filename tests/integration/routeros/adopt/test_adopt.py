@@ -175,7 +175,7 @@ def test_a_laptop_on_the_management_port_is_told_to_move(tmp_path: Path, monkeyp
     with carton(tmp_path, first_contact=laptop) as box:
         with pytest.raises(CutOff, match="connection lost at: management address") as cut:
             box.adopt()
-        assert "is the laptop plugged into ether8?" in str(cut.value.hint)
+        assert "if the laptop is plugged into ether8, use another port" in str(cut.value.hint)
         while "interface=ether8" not in box.export():
             pass
 

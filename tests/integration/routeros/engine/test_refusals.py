@@ -112,7 +112,8 @@ def test_a_device_without_any_protection(tmp_path: Path) -> None:
     result = refused(
         Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME}),
         Status.REFUSED,
-        "nothing would roll this change back if it failed: no safe mode: RouterOS before 7.18 has safe mode on a console",
+        "nothing would roll this change back if it failed: no safe mode: RouterOS before 7.18 has safe mode "
+        "on a console only",
         "no dead-man job: device-mode home forbids the scheduler",
         "and touches the management path",
     )
