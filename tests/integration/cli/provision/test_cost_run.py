@@ -57,7 +57,7 @@ def test_consented_traffic_is_sent_counted_and_billed(at: Quay) -> None:
     assert "Traffic: over metered link satellite of coastal: up to" in again
     assert "no changes needed" in again
     # By now the router's own traffic has a better way, and the session with it.
-    assert "but its traffic goes over wifi-ptp now" in again
+    assert "but its traffic uses wifi-ptp now" in again
     assert "cost over satellite" not in again
     assert len(records(at)) == 1
     usage = Store(at.state).usage("coastal")
@@ -67,7 +67,7 @@ def test_consented_traffic_is_sent_counted_and_billed(at: Quay) -> None:
 
 def test_cost_and_changes_need_separate_consent(at: Quay) -> None:
     said_yes = at.typed(*DEAR, answer="yes\nno", code=4)
-    assert "Type pay to go on" in said_yes
+    assert "Type pay (the whole word) to continue" in said_yes
     assert "nothing was sent" in said_yes
     assert connections(at) == 0
     at.typed(*DEAR, answer="pay\nyes\nno", code=4)
@@ -95,7 +95,7 @@ def test_run_over_a_metered_fallback_link_is_reported_and_needs_consent(at: Quay
     assert "the cost was not accepted: over metered link 4g of coastal" in refused["message"]
     assert "set name=changed" in at.export()
     planned = at.provision("plan", *over, code=2).stdout
-    assert "its traffic goes over 4g now, which is metered: wifi-ptp is down; over metered link 4g" in planned
+    assert "its traffic uses 4g now, which is metered: wifi-ptp is down; over metered link 4g" in planned
     done = at.json(*over, "--yes", "--accept-cost", code=0)["devices"][ROUTER]
     assert (done["cost"]["bearer"], done["cost"]["declared"]) == ("4g", "wifi-ptp")
 

@@ -110,7 +110,7 @@ def test_unit_is_pinned_configured_and_then_unchanged(at: tuple[Path, RunningRut
     for flag in ("plan", "--yes"):
         refused = typed(flag, code=4)
         assert "unknown SSH host key; no password was sent" in refused["message"]
-        assert refused["hint"].startswith("`provision device trust site=te4sea ")
+        assert refused["hint"].startswith("run `provision device trust site=te4sea ")
     assert (pins.host_key(NAME), running.unit.export()) == (None, before)
     pins.change_host_key(NAME, running.ready["host_key"])
     assert typed("plan", code=2)["planned"] == 3

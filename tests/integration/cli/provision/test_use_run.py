@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 LINK = ("links", "use", "site=coastal", "link=4g", "for=30m", "--yes", "--accept-cost")
 END = ("links", "use", "site=coastal", "end", "--yes")
-TOLD = "4g is in use instead of the declared order until"
+TOLD = "4g is in use instead of the inventory's order until"
 NOT_ASKED = 6
 """What `links` ends with here: no resolver is in this network, and only the router answers."""
 

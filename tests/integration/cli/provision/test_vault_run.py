@@ -11,7 +11,7 @@ from quay import _VAULT_PASSWORD, PROVISION, ROUTER, _inventory, quay
 
 pytestmark = pytest.mark.slow
 
-QUESTION = b"Password of the inventory's vault: "
+QUESTION = b"Password of the inventory vault: "
 COMMANDS = (
     ("plan", "site=coastal"),
     ("report", "drift", "site=coastal", f"device={ROUTER}", "--rehearse"),
