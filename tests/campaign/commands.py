@@ -141,5 +141,5 @@ COMMANDS: Mapping[str, CommandKind] = {
         prepare=_restore,
     ),
 }
-CHANGING = ("site=", "resume", "rollback", "apply", "restore", "use", "upgrade")
+CHANGING = {"run", "recover resume", "recover rollback", "plan apply", "device restore", "links use", "device upgrade"}
 """How commands begin that change devices, where they are not told to plan."""
