@@ -97,7 +97,7 @@ class Player:
         flash = None if plan.state == "adopted" else reference.flash
         with self._stage.site(name, plan.state, plan.version, flash) as site, laptop(site.folder / "laptop") as store:
             self._stage.pin(store, site.twins)
-            disturb(site, Random(f"report drift {seed}"))  # noqa: S311 - a test's seed
+            disturb(site, Random(f"drift {seed}"))  # noqa: S311 - a test's seed
             before = self._stranger.read(site, reference.menus)
             table = Table(site, plan, store, reference.menus, before, _with_foreign(reference.declared, before))
             extra = self._prepare(table)
