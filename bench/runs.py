@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["kept_runs"]
 
-_COMMANDS = {"runs": ExitCode.DONE, "resume": ExitCode.NOTHING}
+_COMMANDS = {"report runs": ExitCode.DONE, "recover resume": ExitCode.NOTHING}
 """Our commands, and how they end where no run is unfinished."""
 _STARTED = RunStart(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearsed=False, command="provision")
 
@@ -50,8 +50,8 @@ def _state(state: Path, size: int) -> Path:
 
 
 def _call(command: str, state: Path) -> measure.Ran:
-    words = [sys.executable, "-P", "-m", "atlantis_netcfg", command, f"site={SITE}"]
-    if command == "resume":
+    words = [sys.executable, "-P", "-m", "atlantis_netcfg", *command.split(), f"site={SITE}"]
+    if command == "recover resume":
         words.append(f"inventory={CHECKOUT / 'inventory'}")
     environment = {"ATLANTIS_STATE": str(state), "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")}
     return measure.run_command(Command(tuple(words), environment), state)

@@ -18,7 +18,7 @@ PROVISION = str(Path(sys.executable).with_name("provision"))
 
 
 def test_a_router_holds_what_is_declared(router: Host, inventory: Path) -> None:
-    requested = ["drift", f"site={router.site}", f"device={router.name}", f"inventory={inventory}", "--json"]
+    requested = ["report", "drift", f"site={router.site}", f"device={router.name}", f"inventory={inventory}", "--json"]
     done = subprocess.run([PROVISION, *requested], capture_output=True, text=True, check=False)
     result = json.loads(done.stdout)
     assert not result["errors"], result["errors"]

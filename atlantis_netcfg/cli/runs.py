@@ -39,7 +39,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     from atlantis_netcfg.runs import Store
 
     store = Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearse"))
-    sites = _sites(store, arguments.optional("site"))
+    sites = sites_with_runs(store, arguments.optional("site"))
     aside = {site: store.archived_runs(site) for site in sites}
     everything = arguments.flag("all")
     rows = [row for site in sites for row in _rows(store, site, aside[site] if everything else ())]
@@ -55,7 +55,8 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     return errors.ExitCode.DONE
 
 
-def _sites(store: Store, site: str | None) -> tuple[str, ...]:
+def sites_with_runs(store: Store, site: str | None) -> tuple[str, ...]:
+    """Return the site, or all that have runs. Raises NoMatchError if the site has none."""
     sites = store.sites()
     if site is None:
         return sites

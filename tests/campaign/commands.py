@@ -68,7 +68,7 @@ def _rollback(table: "Table", site: Undisturbed) -> tuple[str, ...]:
     assert ended.code == 0, ended.output
     (run,) = json.loads(ended.out)["runs"]
     table.target, table.before = table.before, site.read()
-    return (f"to={run}",)
+    return (f"run={run}",)
 
 
 def _restore(table: "Table", site: Undisturbed) -> tuple[str, ...]:
@@ -79,7 +79,7 @@ def _restore(table: "Table", site: Undisturbed) -> tuple[str, ...]:
     for edit in DRIFTS[ROUTER]:
         table.site.edit(ROUTER, *edit)
     table.before = site.read()
-    return (f"to={run}",)
+    return (f"run={run}",)
 
 
 def _use(table: "Table", site: Undisturbed) -> tuple[str, ...]:
@@ -141,5 +141,5 @@ COMMANDS: Mapping[str, CommandKind] = {
         prepare=_restore,
     ),
 }
-CHANGING = ("site=", "resume", "rollback", "apply", "restore", "use", "upgrade")
+CHANGING = {"run", "recover resume", "recover rollback", "plan apply", "device restore", "links use", "device upgrade"}
 """How commands begin that change devices, where they are not told to plan."""

@@ -97,7 +97,7 @@ class Player:
         flash = None if plan.state == "adopted" else reference.flash
         with self._stage.site(name, plan.state, plan.version, flash) as site, laptop(site.folder / "laptop") as store:
             self._stage.pin(store, site.twins)
-            disturb(site, Random(f"report drift {seed}"))  # noqa: S311 - a test's seed
+            disturb(site, Random(f"drift {seed}"))  # noqa: S311 - a test's seed
             before = self._stranger.read(site, reference.menus)
             table = Table(site, plan, store, reference.menus, before, _with_foreign(reference.declared, before))
             extra = self._prepare(table)
@@ -195,7 +195,9 @@ class Player:
             self._note(table, ended, found, struck=struck)
             self._await_settled(table, earlier, ended)
             self._judge(table, ended, typed, table.store)
-            if typed[0] in advice.TERMINAL:  # it asks about a whole site, of which only some devices are here
+            if (
+                advice.name_of(typed) in advice.TERMINAL
+            ):  # it asks about a whole site, of which only some devices are here
                 typed = first
                 continue
             if ended.code in (table.kind.green if typed == first else (0,)):
@@ -203,7 +205,7 @@ class Player:
                 return
             if (
                 ended.code == ExitCode.NOTHING
-                and typed[0] == table.kind.words[0]
+                and advice.name_of(typed) == advice.name_of(table.kind.words)
                 and table.kind.needs_a_run
                 and _is_lost(table)
             ):
@@ -232,7 +234,7 @@ class Player:
         """Run a command until it ends, with a fault at its moment; time passes faster while it waits after that."""
         site = table.site
         command = self._command(site, table.store, typed)
-        command.answer = "yes" if typed[0] in advice.TERMINAL else ""
+        command.answer = "yes" if advice.name_of(typed) in advice.TERMINAL else ""
         others: list[Command] = []
 
         def second() -> None:
@@ -338,7 +340,7 @@ class Player:
         words = " ".join(typed)
         if ended.silent_s > SILENCE_S and "--json" not in typed and not ended.struck:
             table.wrong(f"silent: `{words}` said nothing for {ended.silent_s:.0f} s")
-        changes = typed[0].startswith(CHANGING) and "--plan" not in typed
+        changes = advice.name_of(typed) in CHANGING and "--plan" not in typed
         table.site.skip(table.kind.settles_s)
         self._judge_results(table, ended, words)
         if ended.code == 0 and changes:
@@ -349,7 +351,7 @@ class Player:
                     table.wrong(f"green and not recorded: `{words}` says that it is recorded as {run}")
             if not ended.runs and not ended.closed and not ended.changed_nothing:
                 table.wrong(f"green and not recorded: `{words}` names no run")
-        elif ended.code == 0 and typed[0].startswith(("site=", "drift")):
+        elif ended.code == 0 and advice.name_of(typed) in {"run", "report drift"}:
             self._judge_green(table, ended, words)
         elif ended.code == 4 and changes:
             for host, picture in self.read(table).items():
@@ -383,9 +385,9 @@ class Player:
     def _judge_green(self, table: Table, ended: Ended, words: str) -> None:
         for host, picture in self._look(table).items():
             asked = (
-                not words.startswith("resume")
+                advice.name_of(words.split()) != "recover resume"
                 and not _left_out(host, words)
-                and (not words.startswith(table.typed[0]) or host in table.kind.hosts)
+                and (advice.name_of(words.split()) != advice.name_of(table.typed) or host in table.kind.hosts)
                 and not (table.kind.needs_a_run and _is(table.before[host], table.target, table))
             )
             if asked and host not in ended.results:
@@ -516,18 +518,19 @@ def _judge_advice(table: Table, ended: Ended, typed: tuple[str, ...], found: adv
     words = " ".join(typed)
     if ended.code in (ExitCode.OUR_FAULT, ExitCode.USAGE):
         table.wrong(f"exit {ended.code} of `{words}`: {ended.advice_text.strip()[-300:]}")
-    if found is not None and found.typed and found.typed[0] in advice.TERMINAL and not found.on_terminal:
+    if found is not None and found.typed and advice.name_of(found.typed) in advice.TERMINAL and not found.on_terminal:
         table.wrong(f"advice that needs a terminal and does not say so: `{found.text}` after `{words}`")
 
 
 def _agreement(typed: tuple[str, ...], plan: Round) -> tuple[str, ...]:
     """What a person adds so that nothing is asked, and the form in which they read."""
-    asks = typed[0].startswith(CHANGING) and typed[0] != "resume" and "--plan" not in typed and "--yes" not in typed
-    pays = typed[0].startswith((*CHANGING, "drift")) and "--accept-cost" not in typed
+    name, plans = advice.name_of(typed), "--plan" in typed
+    asks = name in CHANGING - {"recover resume"} and not plans and "--yes" not in typed
+    pays = name in CHANGING | {"plan", "report drift"} and "--accept-cost" not in typed
     return (
         *(("--yes",) if asks else ()),
         *(("--accept-cost",) if pays else ()),
-        *(("--json",) if plan.json and "--json" not in typed and typed[0] not in advice.TERMINAL else ()),
+        *(("--json",) if plan.json and "--json" not in typed and name not in advice.TERMINAL else ()),
     )
 
 
@@ -560,7 +563,7 @@ def _is(picture: Picture, other: Pictures, table: Table) -> bool:
 def _is_as_promised(picture: Picture, table: Table, words: str) -> bool:
     """What ends by itself may be over once a device was restarted, and other commands say nothing of it."""
     restarted = any(what.startswith(("reboot", "power")) for what in table.struck)
-    over = bool(table.final) and (restarted or not words.startswith(table.kind.words[0]))
+    over = bool(table.final) and (restarted or advice.name_of(words.split()) != advice.name_of(table.kind.words))
     return _is(picture, table.target, table) or (over and _is(picture, table.final, table))
 
 

@@ -26,7 +26,8 @@ BUSY = """  scc-cpe            another run changes this bridge
 """
 OPEN = """  coastal-router     nothing was changed: interrupted by the user (6 round trips, 68.0 kB, 0.2 s)
                      what is in safe mode the device takes back by itself; then:  provision recover resume site=coastal
-                     run=1 drift: not in the inventory, and not ours: left unchanged
+                     run=1
+                     drift: not in the inventory, and not ours: left unchanged
 """
 TYPED_BEFORE = """error: run 1 has left nothing pending on any device
        type its command again:  provision site=coastal device=scc-cpe inventory=/srv/pilot
@@ -41,7 +42,7 @@ ONE_HOST = "  wait for ten minutes, then:  provision report drift site=coastal d
 @pytest.mark.parametrize(
     ("output", "typed", "waits"),
     [
-        (SAVED, ("apply", "/srv/saved.plan"), False),
+        (SAVED, ("plan", "apply", "/srv/saved.plan"), False),
         (BUSY, ("recover", "resume", "site=coastal"), True),
         ("error: no run\n       `provision site=…` begins one", ("site=coastal",), False),
         (ONE_HOST, ("report", "drift", "site=coastal", "device=scc-cpe"), True),

@@ -29,12 +29,12 @@ RECOVER = syntax.CommandSpec(
 def run_recover(arguments: syntax.Arguments) -> ExitCode:
     """List the unfinished runs with the commands that continue or undo them; run the one that is chosen."""
     from atlantis_netcfg.cli.base.output import json_text
+    from atlantis_netcfg.cli.runs import sites_with_runs
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.runs import Store
 
     store = Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearse"))
-    site = arguments.optional("site")
-    sites = store.sites() if site is None else (site,)
+    sites = sites_with_runs(store, arguments.optional("site"))
     unfinished_runs = [(name, run) for name in sites for run in store.unfinished_runs(name)]
     choices = [command for name, run in unfinished_runs for command in _commands(name, run)]
     if arguments.flag("json"):
@@ -45,7 +45,7 @@ def run_recover(arguments: syntax.Arguments) -> ExitCode:
         print(json_text({"exit": int(ExitCode.DONE), "errors": [], "unfinished": rows}))
         return ExitCode.DONE
     for name, run in unfinished_runs:
-        print(f"{name}: run {run.id} is unfinished on {', '.join(run.unsettled_devices)}")
+        print(translate(f"{name}: run {run.id} is unfinished on {', '.join(run.unsettled_devices)}"))
     if not choices:
         _print_nothing(store, sites)
         return ExitCode.DONE

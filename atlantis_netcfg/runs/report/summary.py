@@ -25,6 +25,8 @@ _AGAIN = "remove the cause, then run the same command again"
 """Hint for failures without a better one."""
 _STOP_HINT = "run the same command again to continue"
 _LABEL = 10
+_LINES = 8
+"""Last lines that a user sees on returning to the terminal."""
 
 
 class DeviceEnd(StrEnum):
@@ -148,23 +150,29 @@ class Summary:
         return [name for name, result in self.results.items() if _is_fine(result) and warnings(result)]
 
     def rows_for_screen(self, width: int = printable.NARROW) -> list[printable.Row]:
-        """Return the summary, wrapped at `width` where words allow; nothing is cut."""
+        """Return the summary, wrapped at `width` where words allow; nothing is cut.
+
+        Where that takes more than the last lines on a screen, reason and counts come before the verdict and the advice.
+        """
         style, mark = self._style()
-        verdict = _wrap(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
-        lines: list[printable.Row] = ["", *(printable.StyledText(line, style) for line in verdict)]
-        lines += _label_lines("devices", self._counts(), width)
+        verdict_lines = _wrap(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
+        verdict: list[printable.Row] = [printable.StyledText(line, style) for line in verdict_lines]
+        counts = list(_label_lines("devices", self._counts(), width))
         if self.purpose == "plan" and any(self.rows):
             add_count, change_count, remove_count = self.rows
             plan = translate(f"{add_count} rows to add, {change_count} to change, {remove_count} to remove")
-            lines += _label_lines("plan", plan, width)
-        lines += self._look_at(width)
+            counts += _label_lines("plan", plan, width)
+        reason = list(_label_lines("look at", self._reason(), width)) if self._reason() else []
+        advice = list(_advice(self._advice_text(), width)) if self._advice_text() else []
         if self.limits:
-            lines += _label_lines("limits", translate(count_limits(self.limits, "--verbose")), width)
+            advice += _label_lines("limits", translate(count_limits(self.limits, "--verbose")), width)
         if self.next_command:
-            lines.append(_command(self.next_command))
+            advice.append(_command(self.next_command))
         if self.record:
-            lines += _label_lines("record", self.record, width)
-        return lines
+            advice += _label_lines("record", self.record, width)
+        rows: list[printable.Row] = [*verdict, *counts, *reason, *advice]
+        height = sum(1 + (len(printable.plain(row)) - 1) // width for row in rows)
+        return ["", *rows] if height <= _LINES else ["", *reason, *counts, *verdict, *advice]
 
     def verdict(self) -> str:
         """Return the verdict: a word in capitals, and a sentence."""
@@ -263,26 +271,25 @@ class Summary:
                     return name
         return ""
 
-    def _look_at(self, width: int) -> Iterator[printable.Row]:
-        """Yield the most urgent device with reason and advice; else the first warning, else the devices left out."""
-        name = self._worst()
-        if name:
-            result = self.results[name]
-            yield from _label_lines("check", f"{name}: {translate(result['message'])}", width)
-            hint = result["hint"] or (_STOP_HINT if self.stopped_by else _AGAIN)
-            yield from _advice(translate(hint), width)
-        elif self.stopped_by:
-            yield from _advice(translate(_STOP_HINT), width)
-        elif self.warned_devices:
+    def _reason(self) -> str:
+        """Return the most urgent device with its reason; else the first warning, else a device left out."""
+        if name := self._worst():
+            return f"{name}: {translate(self.results[name]['message'])}"
+        if self.stopped_by:
+            return ""
+        if self.warned_devices:
             first = self.warned_devices[0]
             words = translate(warnings(self.results[first])[0])
-            words = words if first in words else f"{first}: {words}"
-            yield from _label_lines("check", words, width)
-        else:
-            for device, (how, why) in self.unseen.items():
-                words = f"{translate(how.value)}: {translate(why)}" if why else translate(how.value)
-                yield from _label_lines("check", f"{device}: {words}", width)
-                return
+            return words if first in words else f"{first}: {words}"
+        for device, (how, why) in self.unseen.items():
+            return f"{device}: {translate(how.value)}{f': {translate(why)}' if why else ''}"
+        return ""
+
+    def _advice_text(self) -> str:
+        """Return what to do about the most urgent device, or after a stop."""
+        if name := self._worst():
+            return translate(self.results[name]["hint"] or (_STOP_HINT if self.stopped_by else _AGAIN))
+        return translate(_STOP_HINT) if self.stopped_by else ""
 
 
 def _is_fine(result: Mapping[str, Any]) -> bool:

@@ -32,7 +32,7 @@ def test_the_bench_runs_and_writes_its_page(tmp_path: Path) -> None:
     assert text.count("| as ours |") == 9, text
     assert "FAILED" not in text
     assert re.search(r"^\| 2 \| 0 \| [0-9]", text, re.MULTILINE), text
-    assert len(re.findall(r"^\| (runs|resume) \| (10|20) \| [0-9]", text, re.MULTILINE)) == 4, text
+    assert len(re.findall(r"^\| (report runs|recover resume) \| (10|20) \| [0-9]", text, re.MULTILINE)) == 4, text
     assert "| 2 | ours | " in text
     assert "| 2 | easy-rsa | " in text
     assert "not measured" not in text

@@ -67,7 +67,7 @@ REHEARSAL = ("plan", "site=coastal", "--rehearse")
 @pytest.mark.parametrize(
     ("words", "number"),
     [
-        (("validate",), 24),
+        (("inventory", "validate"), 24),
         pytest.param(REHEARSAL, 24, marks=pytest.mark.slow),
         pytest.param(REHEARSAL, 500, marks=pytest.mark.campaign),
     ],

@@ -152,7 +152,7 @@ def test_new_link_kind_needs_one_table_row(product: Copy) -> None:
     )
 
     product.provision("inventory", "validate")
-    assert "+ set name=scc-router" in product.provision("plan", "site=scc", "--rehearse", code=2)
+    assert "~ name: MikroTik → scc-router" in product.provision("plan", "site=scc", "--rehearse", code=2)
     uplink = json.loads(product.provision("links", "site=scc", "--rehearse", "--json"))["bearers"]["uplink"]
     assert (uplink["kind"], uplink["state"], uplink["metered"]) == ("leo", "up", True)
     assert json.loads(product.run("-c", LOOKED_AT)) == {
@@ -188,7 +188,7 @@ def run_tide(arguments: Arguments) -> ExitCode:
 
 def test_new_command_needs_a_module_and_one_line(product: Copy) -> None:
     product.append("atlantis_netcfg/cli/tide.py", COMMAND)
-    last = '    "version": "atlantis_netcfg.cli.help:version",\n'
+    last = '    "help version": f"{_CLI}.help:version",\n'
     product.replace(
         "atlantis_netcfg/cli/base/commands.py", last, f'    "tide": "atlantis_netcfg.cli.tide:tide",\n{last}'
     )

@@ -23,7 +23,7 @@ from waiting import HANG_S
 from atlantis_netcfg.runs import RunStart, Store
 
 pytestmark = pytest.mark.slow
-COLUMNS, ROWS = 100, 40
+COLUMNS, ROWS = 120, 40
 START = {
     "bash": (("bash", "--norc", "--noprofile", "-i"), "source <(provision help completion bash)"),
     "zsh": (("zsh", "-f", "-i"), "autoload -Uz compinit; compinit -u -D; source <(provision help completion zsh)"),

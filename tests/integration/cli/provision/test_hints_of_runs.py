@@ -18,7 +18,7 @@ at = pytest.fixture(fresh_quay)
 def follow(at: Quay, command: list[str], code: int = 0) -> str:
     """Type what was advised; `runs` takes no inventory, and a run here is of the router alone."""
     words = [word.replace("NAME", "coastal") for word in command]
-    if words[0] == "runs":
+    if words[:2] == ["report", "runs"]:
         done = at.start(words)
         assert done.returncode == code, done.stderr
         return done.stdout + done.stderr

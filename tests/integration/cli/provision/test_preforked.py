@@ -12,10 +12,10 @@ import pytest
 from quay import PROVISION
 
 LINES = (
-    ("version",),
+    ("help", "version"),
     ("help", "version", "--json"),
-    ("help", "drift"),
-    ("validate",),
+    ("help", "links"),
+    ("inventory", "validate"),
     ("report", "runs", "site=coastal"),
     ("plan", "site=costal"),
     ("site=coastal", "--nonsense"),

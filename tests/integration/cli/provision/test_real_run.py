@@ -77,13 +77,13 @@ def _checks(at: Quay, site: str = "coastal") -> subprocess.CompletedProcess[str]
 def test_interactive_consent_applies_the_change_and_the_rollback(at: Quay) -> None:
     before = at.export()
     said_no = at.typed("site=coastal", answer="no", code=4)
-    assert "+ set name=coastal-router" in said_no
+    assert "~ name: MikroTik → coastal-router" in said_no
     assert "not confirmed; nothing was changed" in said_no
     assert at.export() == before
     assert " actions applied and verified" in at.typed("site=coastal", answer="yes", code=0)
     (run, *_) = at.runs()
     back = at.typed("recover", "rollback", "site=coastal", f"run={run['run']}", answer="yes", code=0)
-    assert "- set name=coastal-router" in back
+    assert "~ name: coastal-router → MikroTik" in back
     assert at.export().splitlines() == before.splitlines()
 
 

@@ -32,7 +32,7 @@ def test_a_rollback_is_planned_rehearsed_and_done(at: Quay) -> None:
 
     planned = at.provision("recover", "rollback", "site=coastal", "run=latest", "--plan", code=2).stdout
     assert f"back to the state before run {run} (" in planned
-    assert "- set name=coastal-router" in planned
+    assert "~ name: coastal-router → MikroTik" in planned
     assert untouched(at) == left
 
     told = at.json("recover", "rollback", "site=coastal", "run=latest", "--rehearse", code=0)
@@ -144,7 +144,7 @@ def test_resumed_run_is_planned_rehearsed_and_done(at: Quay) -> None:
 
     said = at.provision("recover", "resume", "site=coastal", "--plan", code=2).stdout
     assert f"run {row['run']}: provision site=coastal" in said
-    assert "+ set name=coastal-router" in said
+    assert "~ name: MikroTik → coastal-router" in said
     assert untouched(at) == left
 
     told = at.json("recover", "resume", "site=coastal", "--rehearse", code=0)

@@ -45,5 +45,5 @@ def test_next_command_removes_leftovers_of_a_killed_rehearsal(tmp_path: Path) ->
     assert select.select([end], [], [], HANG_S)[0]
     os.close(end)
     assert [path.name for path in place.glob("atlantis-twins-*.tmp")]
-    subprocess.run([PROVISION, "validate"], env=environment, stdout=subprocess.DEVNULL, check=True)
+    subprocess.run([PROVISION, "inventory", "validate"], env=environment, stdout=subprocess.DEVNULL, check=True)
     assert list(place.iterdir()) == []

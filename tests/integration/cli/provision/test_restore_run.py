@@ -46,7 +46,7 @@ def test_replacement_gets_the_state_of_the_lost_router(at: Quay) -> None:
     assert "provision device adopt" in refused["devices"][ROUTER]["hint"]
     at.adopt()
     planned = at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--plan", code=2).stdout
-    assert "+ set name=coastal-router" in planned
+    assert "~ name: MikroTik → coastal-router" in planned
     assert "password=********" in planned
     assert at.export() == fresh
 
@@ -71,7 +71,7 @@ def test_older_state_can_be_listed_and_restored(at: Quay) -> None:
     first, second = at.runs()
     assert [run["devices"][ROUTER]["confirmed_state"] for run in (first, second)] == [True, True]
     listed = subprocess.run(
-        [PROVISION, "runs"], env=at.environment(), capture_output=True, text=True, check=True
+        [PROVISION, "report", "runs"], env=at.environment(), capture_output=True, text=True, check=True
     ).stdout
     assert "coastal-router changed (184, state kept)" in listed
     at.replace("spare")
@@ -144,9 +144,9 @@ def test_near_miss_names_get_a_suggestion(at: Quay) -> None:
     )
     near = at.provision("device", "restore", f"device={ROUTER}", f"run={first['run'][:-2]}", code=7).stderr
     assert f"run {first['run'][:-2]} has confirmed no state of coastal-router" in near
-    assert f"runs with a state: {first['run']}, {second['run']}; or type `to=latest`" in near
+    assert f"runs with a state: {first['run']}, {second['run']}; or type `run=latest`" in near
     assert (
-        "did you mean `to=latest`?"
+        "did you mean `run=latest`?"
         in at.provision("device", "restore", f"device={ROUTER}", "run=lastest", code=7).stderr
     )
     never = at.provision("device", "restore", "device=scc-router", "run=latest", code=7).stderr

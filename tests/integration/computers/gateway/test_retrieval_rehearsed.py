@@ -36,7 +36,7 @@ def test_rehearsed_retrieval_survives_an_outage(capsys: pytest.CaptureFixture[st
         "3 files: the same SHA-256 at both ends",
         "and the connection was lost",
         "this computer compared both folders: they are identical",
-        "limit of this rehearsal (`--json` lists",
+        "limits of this rehearsal (`--json` lists them)",
     ):
         assert words in printed
 

@@ -38,7 +38,7 @@ def test_vault_password_verdict(
 
 
 def test_vault_password_is_requested_once_on_a_terminal(tmp_path: Path) -> None:
-    done = typed(_inventory(tmp_path), ("doctor",), _VAULT_PASSWORD.decode())
+    done = typed(_inventory(tmp_path), ("inventory", "doctor"), _VAULT_PASSWORD.decode())
     assert "  PASS vault               the password decrypts all " in done.stdout
     assert done.stderr.count(QUESTION.decode()) == 1
     _left_nowhere(tmp_path, done)

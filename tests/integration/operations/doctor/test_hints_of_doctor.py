@@ -39,7 +39,7 @@ def test_advised_command_pins_an_unknown_router(at: Quay) -> None:
     assert found["router"]["verdict"] == "WARN"
     assert found["router"]["commands"] == found["known devices"]["commands"]
     assert ROUTER in found["known devices"]["measured"]
-    words = next(words for words in lines(at, 6) if words[0] == "trust")
+    words = next(words for words in lines(at, 6) if words[:2] == ["device", "trust"])
     at.typed(*words, f"device={ROUTER}", answer="yes", code=0)
     after = items(at, 6)
     assert after["router"]["verdict"] == "PASS"

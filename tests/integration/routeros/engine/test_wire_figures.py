@@ -211,7 +211,7 @@ def test_command_meets_the_goals_and_the_page_is_up_to_date(tmp_path: Path) -> N
     page = tmp_path / "benchmarks.md"
     shutil.copy(PAGE, page)
     words = [sys.executable, "-m", "bench", "--wire", str(page), "--link", "200"]
-    done = subprocess.run(words, cwd=PAGE.parents[1], capture_output=True, text=True, check=False)
+    done = subprocess.run(words, cwd=PAGE.parents[2], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     counts, printed = wire.published(page.read_text(encoding="utf-8")), wire.published(PAGE.read_text(encoding="utf-8"))
     assert list(counts) == list(printed) == list(TYPED)

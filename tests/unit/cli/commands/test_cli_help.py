@@ -159,3 +159,23 @@ def test_the_overview_loads_neither_openssl_nor_archivers() -> None:
 def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == ExitCode.DONE
     assert re.match(r"provision \S+\nPython 3\.\d+\.\d+\nansible-core 2\.\d+\.\d+\n$", capsys.readouterr().out)
+
+
+RETIRED = {"only", "host", "bearer", "runs", "limit", "rehearsed"}
+"""Names that said what `device=`, `link=`, `run=` and `--rehearse` say."""
+
+
+def test_one_thing_has_one_name_in_every_command() -> None:
+    commands = [load(name, COMMANDS).command for name in COMMANDS]
+    used = {word.name for command in commands for word in command.words}
+    used |= {flag.name for command in commands for flag in command.flags}
+    assert used & RETIRED == set()
+    assert {"site", "device", "link", "run", "rehearse"} <= used
+
+
+@pytest.mark.parametrize("old", ["adopt", "apply", "drift", "prove", "qualify", "asbuilt", "guest", "validate", "runs"])
+def test_earlier_name_is_answered_with_the_new_line(old: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([old, "site=coastal"]) == ExitCode.USAGE
+    name = re.findall(r"type `provision (\S+ \S+) site=coastal`", capsys.readouterr().err)
+    assert len(name) == 1
+    assert name[0] in COMMANDS

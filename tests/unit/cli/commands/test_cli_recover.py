@@ -70,6 +70,13 @@ def test_advised_rollback_can_be_typed(state: Path, capsys: pytest.CaptureFixtur
     assert "it is for rehearsals only" in capsys.readouterr().err
 
 
+def test_unknown_site_is_not_reported_as_finished(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    start_run(state)
+    assert main(["recover", "site=costal"]) == ExitCode.NOTHING
+    printed = capsys.readouterr()
+    assert (printed.out, "there are no runs of `costal`" in printed.err) == ("", True)
+
+
 @pytest.mark.parametrize(("answer", "code"), [("2", ExitCode.USAGE), ("", ExitCode.DONE), ("3", ExitCode.DONE)])
 def test_chosen_command_is_run(
     state: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], answer: str, code: ExitCode

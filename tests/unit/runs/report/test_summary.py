@@ -165,7 +165,7 @@ def test_the_worst_device_is_named_with_its_whole_reason_and_its_hint() -> None:
 def test_path_longer_than_a_line_is_not_broken() -> None:
     path = "/srv/" + "long-name/" * 16
     lines = last({"s": result(4, "refused", f"refused: {path}x", f"look at {path}")})
-    assert [line.strip() for line in lines[4::2]] == [f"{path}x", path]
+    assert {f"{path}x", path} <= {line.strip() for line in lines}
 
 
 def test_a_warning_is_named_where_nothing_is_worse() -> None:
