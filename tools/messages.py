@@ -210,7 +210,7 @@ MADE = (
     "1 error in the answers; nothing was changed",
     "{findings} errors in the answers; nothing was changed",
     (
-        "asking over {name}, which is paid by the byte, takes {daily} MB a day while all is well;"
+        "probes over {name}, which is metered, use {daily} MB a day in normal operation;"
         " less with a longer `metered_probe_s`"
     ),
 )

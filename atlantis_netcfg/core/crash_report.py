@@ -24,7 +24,7 @@ class InternalError(NetcfgError):
 
 def report_crash(error: BaseException, doing: str, state: Callable[[], Path]) -> InternalError:
     """Write the traceback below the state directory and report it; if that fails, report the cause instead."""
-    message = f"provision itself failed ({type(error).__name__}): this is our fault, not a mistake of yours"
+    message = f"provision itself failed ({type(error).__name__}): this is a defect of the program, not your mistake"
     try:
         text = "".join(traceback.format_exception(error))
         hint = f"please send us the log file {write_log(text, doing, state())}"

@@ -117,7 +117,7 @@ _REFUSALS = (
     re.compile(rf"((?:expected|missing) [a-z]+(?: [a-z]+)*|syntax error) {_PLACE_OF}\Z"),
     re.compile(rf"(bad (?:parameter|command name) [^\s()]+) {_PLACE_OF}\Z"),
 )
-_NOT_UNDERSTOOD = "its parser answers in words that are not known here"
+_NOT_UNDERSTOOD = "its parser responds with an unknown message"
 
 _Argument = tuple[str, str]
 """Menu and argument name."""

@@ -163,8 +163,8 @@ exit 1
 one from a restored copy of the authority, which reuses the numbers of lists that it does not know.
 """
 _FOREIGN = (
-    "it is not signed by this authority, or older than the one in its place: with it a revoked member would be let in. "
-    "Look at `provision vpn status`, and type the same again"
+    "it is not signed by this authority, or older than the one on the server: with it a revoked member could connect. "
+    "See `provision vpn status`, and run the same command again"
 )
 
 
@@ -334,5 +334,5 @@ def _read(authority: Path, name: str) -> bytes:
 def _missing(authority: Path, name: str) -> UsageError:
     return UsageError(
         f"the VPN has no authority on this computer: there is no {name} in {authority}",
-        hint="make one: `provision vpn init`; where a colleague has it, copy nothing: let them run this",
+        hint="create one: `provision vpn init`; if a colleague has it, do not copy it: let them run this",
     )

@@ -69,20 +69,20 @@ if ($addresses -contains $facts.address) {
     Write-Step 'ok' 'tunnel' ('an interface of this computer has this device''s address ' + $facts.address) ''
     $answered = Test-Echo $facts.server 56
     if ($answered) {
-        Write-Step 'ok' 'server' ($facts.server + ' answers') ''
+        Write-Step 'ok' 'server' ($facts.server + ' responds') ''
         if (-not (Test-Echo $facts.server 1200)) {
             $found = 'small packets are answered, and packets of 1200 bytes, as DDS sends them, are not'
             Write-Step 'FAIL' 'size' $found 'Ask the network''s administrator to let large UDP packets pass.'
         }
         foreach ($other in $facts.ping) {
             if (Test-Echo $other[1] 56) {
-                Write-Step 'ok' 'reach' ($other[0] + ' (' + $other[1] + ') answers') ''
+                Write-Step 'ok' 'reach' ($other[0] + ' (' + $other[1] + ') responds') ''
             } else {
-                Write-Step '?' 'reach' ($other[0] + ' (' + $other[1] + ') does not answer; it may be off') ''
+                Write-Step '?' 'reach' ($other[0] + ' (' + $other[1] + ') does not respond; it may be off') ''
             }
         }
     } else {
-        $found = 'this device has its address in the VPN, and the server (' + $facts.server + ') does not answer'
+        $found = 'this device has its address in the VPN, and the server (' + $facts.server + ') does not respond'
         Write-Step 'FAIL' 'server' $found 'Connect again, wait a minute, then ask the control centre.'
     }
 } else {

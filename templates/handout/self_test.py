@@ -135,7 +135,7 @@ def clock(facts: Facts) -> Result:
 
 def profile_whole(facts: Facts, profile: Path) -> Result:
     """Whether the profile is all there, as it was handed out, and its owner's alone."""
-    again = "Unpack the hand-out again, and change nothing in the profile."
+    again = "Unpack the enrolment package again, and change nothing in the profile."
     try:
         text = profile.read_bytes()
     except OSError as error:
@@ -167,7 +167,7 @@ def version(facts: Facts) -> Result:
         return Result("openvpn", UNKNOWN, "`openvpn --version` does not say what it is", "Look what program that is.")
     number, least = (int(found[1]), int(found[2])), (2, 5) if facts["wrap"] == "tls-crypt-v2" else (2, 4)
     if number < least:
-        do = "Install a newer one. Where that cannot be, ask for a hand-out for OpenVPN 2.4."
+        do = "Install a newer one. If that is impossible, ask for an enrolment package for OpenVPN 2.4."
         return Result("openvpn", FAIL, f"{found[0]} is too old for this profile: it needs {least[0]}.{least[1]}", do)
     note = " (out of maintenance: take 2.6 where you can)" if number < (2, 6) else ""
     return Result("openvpn", OK, found[0] + note)
@@ -211,7 +211,7 @@ def ping(address: str, size: int = 56) -> str | None:
         run = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=15, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return "answers" if run.returncode == 0 else None
+    return "responds" if run.returncode == 0 else None
 
 
 def echo(one: socket.socket, address: str, size: int) -> str | None:
@@ -229,7 +229,7 @@ def echo(one: socket.socket, address: str, size: int) -> str | None:
                 one.settimeout(max(0.01, began + PING_S - time.monotonic()))
                 answer = one.recv(65535)
                 if token in answer and b"\x08\0" + packet[2:8] + token not in answer:
-                    return f"answers in {(time.monotonic() - began) * 1000:.0f} ms"
+                    return f"responds in {(time.monotonic() - began) * 1000:.0f} ms"
         except OSError:
             pass
     return None
@@ -262,7 +262,7 @@ def through(facts: Facts) -> Iterator[Result]:
             "Wait a minute and run the test again: a second device with the same profile throws this one out. Then ask."
         )
         yield Result(
-            "server", FAIL, f"this device has its address in the VPN, and the server ({server}) does not answer", do
+            "server", FAIL, f"this device has its address in the VPN, and the server ({server}) does not respond", do
         )
         return
     yield Result("server", OK, f"{server} {answer}")
@@ -273,7 +273,7 @@ def through(facts: Facts) -> Iterator[Result]:
     for name, address in facts["ping"]:
         answer = ping(address)
         do = "It may be off: ask the control centre."
-        yield Result("reach", OK if answer else UNKNOWN, f"{name} ({address}) {answer or 'does not answer'}", do)
+        yield Result("reach", OK if answer else UNKNOWN, f"{name} ({address}) {answer or 'does not respond'}", do)
         if facts["dds_port"] is not None:
             yield dds(address, facts["dds_port"])
 
@@ -360,7 +360,7 @@ def main(words: list[str] | None = None) -> int:
         facts = json.loads(asked.facts.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         sys.stdout.write(
-            f"NOT PASSED\n{asked.facts} cannot be read: unpack the hand-out again, and run its test there\n"
+            f"NOT PASSED\n{asked.facts} cannot be read: unpack the enrolment package again, and run its test there\n"
         )
         return FAILED
     facts["wait_s"] = asked.wait or facts["wait_s"]

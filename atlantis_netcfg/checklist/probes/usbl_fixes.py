@@ -445,7 +445,7 @@ def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[LinkFinding]:
         yield LinkFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
     if fix.integrity is not None and fix.integrity < status.INTEGRITY_LOW:
         message = (
-            f"{who} receives a poor signal {of[3:]}: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
+            f"{who} receives a poor signal {of}: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
         )
         hint = "check for echoes (walls, the hull, the surface) and noise, and listen again"
         yield LinkFinding(Verdict.WARN, "integrity-low", message, hint)

@@ -38,7 +38,7 @@ _CLIENT = (
     ),
     syntax.Word(
         "openvpn",
-        "OpenVPN: 2.4 to 2.7 (default: inventory, or from ROS 2)",
+        "OpenVPN: 2.4, 2.5, 2.6 or 2.7 (default: inventory, or from ROS 2)",
         example="2.4",
     ),
 )

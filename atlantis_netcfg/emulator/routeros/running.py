@@ -154,7 +154,7 @@ class SpawnedSite:
         last: list[str] = []
         with suppress(OSError):
             last = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-_LAST_LINES:]
-        hint = "type the same command again" if not last else "\n".join(("the end of its log:", *last))
+        hint = "run the same command again" if not last else "\n".join(("the end of its log:", *last))
         return EmulatorError("the process of the emulated devices has ended", hint=hint)
 
 

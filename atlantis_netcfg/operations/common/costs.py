@@ -281,7 +281,7 @@ class Meter:
         """Yield a warning for each of a router's metered links without a budget for standing traffic."""
         for link in self.inventory.sites[self.host.site].bearers if isinstance(self.host.device, model.Router) else ():
             if link.metered and not link.has_standing_budget:
-                yield f"WARN: no budget in the inventory for automatic traffic over {link.name}; docs/links.md"
+                yield f"WARN: no budget in the inventory for background traffic over {link.name}; docs/links.md"
 
     def _elsewhere(self) -> Iterator[str]:
         """Yield a warning if the session uses another link than in the inventory, above all a more expensive one."""

@@ -239,7 +239,7 @@ def over_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding | Non
     if not budgets:
         return None
     message = (
-        f"{size(traffic.month_bytes)} of automatic traffic a month over {link.name} ({traffic.bill.money}) "
+        f"{size(traffic.month_bytes)} of background traffic a month over {link.name} ({traffic.bill.money}) "
         f"exceeds its budget of {' and '.join(budgets)}"
     )
     hint = "set fewer `processes`, `participants` or `peers` under `dds:`, slower `telemetry:`, or a larger budget"
@@ -248,7 +248,7 @@ def over_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding | Non
 
 def _missing_budget_finding(link: model.Link, traffic: StandingTraffic) -> LinkFinding:
     amount = f"{size(traffic.month_bytes)} a month ({traffic.bill.money})"
-    message = f"no budget in the inventory for automatic traffic over {link.name}: {amount}"
+    message = f"no budget in the inventory for background traffic over {link.name}: {amount}"
     return LinkFinding(Verdict.WARN, "no-standing-budget", message, BUDGET_HINT)
 
 

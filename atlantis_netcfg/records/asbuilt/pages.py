@@ -123,7 +123,7 @@ def closing(record: AsBuiltRecord) -> str:
     words += [f"{part} in part"] if part else []
     words += [f"{away} did not respond"] if away else []
     out = states.count(ReadState.LEFT_OUT)
-    words += [f"{out} were left out"] if out else []
+    words += [f"{out} were excluded"] if out else []
     other_count = rest - read - part - away - out
     words += [f"{other_count} cannot be queried"] if other_count else []
     return ", ".join(words)

@@ -174,9 +174,9 @@ def check_pin(endpoint: _values.Endpoint, fingerprint: str) -> None:
     """Check the certificate. Raises CertificateUnknown without a pin, CertificateMismatch if the pin differs."""
     if endpoint.pin is None:
         raise _values.CertificateUnknown(
-            f"{endpoint}: its certificate is not known here, so it was told no password; it showed {fingerprint}",
+            f"{endpoint}: its certificate is unknown here, so no password was sent; it presented {fingerprint}",
             fingerprint=fingerprint,
-            hint=f"{TRUST}; or declare `fingerprint: {fingerprint}` under its `access`, but {_COMPARE}",
+            hint=f"{TRUST}; or set `fingerprint: {fingerprint}` under its `access` in the inventory, but {_COMPARE}",
         )
     pinned_fingerprint = endpoint.pin.replace(":", "").lower()
     if pinned_fingerprint != fingerprint:

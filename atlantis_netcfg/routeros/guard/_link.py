@@ -41,14 +41,14 @@ def _address(before: _state.State, after: _state.State, row: Row) -> Iterator[st
     now = after.address_row()
     name = MENUS["/ip/address"].name_of(row)
     if now is None:
-        yield f"/ip address: {name}, to which your session goes, would be removed: declare it, too"
+        yield f"/ip address: {name}, which your session uses, would be removed: add it to the inventory"
     elif _state.is_set(now, "disabled"):
-        yield f"/ip address: {name}, to which your session goes, would be disabled: leave it enabled"
+        yield f"/ip address: {name}, which your session uses, would be disabled: leave it enabled"
     elif _is_cut_off(before, after, row.get("interface", ""), now.get("interface", "")):
         yield (
-            f"/ip address: {before.path.local}, to which your session goes, would move from {row.get('interface')} to "
-            f"{now.get('interface')}, where your cable does not lead: change it from another port, or declare the "
-            f"ports as they are plugged in"
+            f"/ip address: {before.path.local}, which your session uses, would move from {row.get('interface')} to "
+            f"{now.get('interface')}, where your cable is not plugged in: run this from another port, or correct "
+            f"the ports in the inventory"
         )
 
 

@@ -108,7 +108,7 @@ class Transaction:
             end.owner = (await safe_mode.ApiSafeMode().take(end.channel)).who
         except safe_mode.SafeModeUnavailable as unavailable:
             raise safe_mode.SafeModeUnavailable(f"{end.name}: {unavailable}", hint=unavailable.hint) from None
-        end.protection = "safe mode and a scheduler job" if end.job_id else "safe-mode"
+        end.protection = "safe-mode and a job of the scheduler" if end.job_id else "safe-mode"
         self._record_protection(end)
 
     async def _see_job(self) -> None:

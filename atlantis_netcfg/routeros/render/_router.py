@@ -89,7 +89,7 @@ def managers(inventory: view.InventoryView, host: view.DeclaredHost, interface: 
     way_in = "VPN" if interface is not None else "LAN" if server_in_lan(inventory, host) else ""
     for prefix in site.management.admit:
         has_network = False
-        for way, interfaces, networks in (*local, (" over the VPN", way_in, behind)):
+        for way, interfaces, networks in (*local, (" by the VPN", way_in, behind)):
             for network in (network for network in networks if network.overlaps(prefix)):
                 has_network = True
                 if interfaces:

@@ -147,7 +147,7 @@ def tcp(question: dict[str, Any], sound: ReceiveBuffer) -> None:
     try:
         wire = socket.create_connection((question["address"], question["port"]), timeout=question["connect_s"])
     except socket.timeout:
-        raise ProbeError("silent", f"{where}: no answer within {question['connect_s']:g} s") from None
+        raise ProbeError("silent", f"{where}: no response within {question['connect_s']:g} s") from None
     except socket.gaierror as error:
         raise ProbeError("unreachable", f"{where}: {error.strerror}") from None
     except OSError as error:

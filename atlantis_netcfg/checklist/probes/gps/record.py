@@ -200,32 +200,32 @@ def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) 
         Trouble.NO_PLACE: lambda: LinkFinding(
             _INCONCLUSIVE,
             "place-not-reached",
-            f"nobody has listened to {expectation.source}: {expectation.place} was not reached{text}",
-            f"bring {expectation.place} back first, then repeat this item",
+            f"{expectation.source} was not read: {expectation.place} was not reached{text}",
+            f"restore {expectation.place} first, then repeat this item",
         ),
         Trouble.SILENT: lambda: LinkFinding(
             _INCONCLUSIVE,
             "no-answer",
-            f"nobody answers at {expectation.end}: {expectation.name} is off, or not in the network",
-            f"switch {expectation.name} on and look at its Wi-Fi or cable first",
+            f"no response at {expectation.end}: {expectation.name} is off, or not in the network",
+            f"switch {expectation.name} on and check its Wi-Fi or cable first",
         ),
         Trouble.UNREACHABLE: lambda: LinkFinding(
             _INCONCLUSIVE,
             "no-route",
-            f"{expectation.place} has no way to {expectation.end}",
-            f"connect {expectation.place} with the network of {expectation.name} first",
+            f"{expectation.place} has no route to {expectation.end}",
+            f"connect {expectation.place} to the network of {expectation.name} first",
         ),
         Trouble.REFUSED: lambda: _refusal_finding(expectation),
         Trouble.BUSY: lambda: LinkFinding(
             _INCONCLUSIVE,
             "in-use",
-            f"{expectation.end} is in use by another program, and was left alone{text}",
+            f"{expectation.end} is in use by another program, and was not read{text}",
             _STREAM,
         ),
         Trouble.CLOSED: lambda: LinkFinding(
             _INCONCLUSIVE,
             "in-use",
-            f"{expectation.end} hung up at once, as a server does that serves one client and has it",
+            f"{expectation.end} closed the connection at once: it probably serves one client only, and has one",
             "repeat this item while the vehicle's own software is stopped, or " + _STREAM,
         ),
         Trouble.MISSING: lambda: LinkFinding(
@@ -238,7 +238,7 @@ def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) 
             _INCONCLUSIVE,
             "not-allowed",
             f"{expectation.end} may not be read{text}",
-            "put the account that listens into the group of the port: dialout",
+            "add the account that reads it to the group of the port: dialout",
         ),
     }[trouble]()
 

@@ -206,7 +206,7 @@ def test_places_run_in_parallel_and_items_settle_as_answered(tmp_path: Path) -> 
 def test_crashed_probe_is_an_error_and_others_continue(tmp_path: Path, where: str, name: str) -> None:
     sick, well = examined([entry("sick", Fake(fault=where)), entry("well", Fake())], Ears(), tmp_path)
     assert (sick.verdict, sick.open) == (Verdict.ERROR, False)
-    assert sick.message == (f"provision itself failed ({name}): this is our fault, not a mistake of yours")
+    assert sick.message == (f"provision itself failed ({name}): this is a defect of the program, not your mistake")
     assert [one.code for one in sick.findings] == ["crashed"]
     (log,) = (tmp_path / "log").iterdir()
     assert sick.hint == f"please send us the log file {log}"
