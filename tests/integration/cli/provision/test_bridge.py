@@ -210,20 +210,20 @@ WIRELESS = {"packages": ("routeros", "wireless")}
                 "RouterOS, reboot, and run this command again"
             ),
         ),
-        ({}, WIFI, "declared with protocol nv2, and its radio has the `wifi` menus", 'write `protocol: "802.11"`'),
+        ({}, WIFI, "has protocol nv2 in the inventory, but its radio has the `wifi` menus", 'write `protocol: "802.11"`'),
         (
             {**PLAIN, "802.11ac": "802.11ac\n    menus: wifi"},
             WIRELESS,
-            "declared with the `wifi` menus, and its radio is driven by the `wireless` ones",
+            "has the `wifi` menus in the inventory, but its radio has the `wireless` menus",
             "write `menus: wireless` or `menus: auto`",
         ),
         (
             {**PLAIN, "802.11ac": "802.11ac\n    wpa: wpa3"},
             WIRELESS,
-            "declared with wpa3, and its radio has the `wireless` menus",
+            "has wpa3 in the inventory, but its radio has the `wireless` menus",
             "choose `wpa: wpa2`",
         ),
-        ({**PLAIN, "802.11ac": "802.11ax"}, WIRELESS, "declared with 802.11ax", "choose an older standard"),
+        ({**PLAIN, "802.11ac": "802.11ax"}, WIRELESS, "has 802.11ax in the inventory", "choose an older standard"),
     ],
     ids=["no driver", "nv2 on wifi", "menus", "wpa3", "ax"],
 )

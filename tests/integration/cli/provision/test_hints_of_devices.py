@@ -160,7 +160,7 @@ def test_router_that_lacks_a_feature_is_upgraded_and_gets_it(
         "FILE.npk is MikroTik's package for {}"
     )
     words, *_ = advised(said(refused, hint))
-    assert "put RouterOS 7.18 or later on it" in refused
+    assert "install RouterOS 7.18 or later on it" in refused
     technician.type(*packed(words, tmp_path))
     technician.type(*restore)
     assert "siem" in {row["name"] for row in technician.rows("/system/logging/action")}
@@ -176,5 +176,5 @@ def test_a_router_that_is_too_old_is_upgraded_and_joins(
     refused = technician.type(*install, code=4)
     (words,) = advised(said(refused, "`provision device upgrade site={} device={} packages=FILE.npk`"))
     upgraded = technician.type(*packed(words, tmp_path))
-    assert "RouterOS 7.16 -> 7.21.5, read back" in upgraded
-    assert "is imported, with the certificate atlantis-vpn: read back" in technician.type(*install)
+    assert "RouterOS 7.16 -> 7.21.5, verified" in upgraded
+    assert "is imported with certificate atlantis-vpn (read back)" in technician.type(*install)

@@ -104,7 +104,7 @@ def test_older_routeros_is_refused_with_the_missing_feature(at: Quay) -> None:
     before = at.export()
     done = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=4)
     assert (
-        "has `remote-log-format` from RouterOS 7.18 on, and this device has 7.16" in done["devices"][ROUTER]["message"]
+        "has `remote-log-format` from RouterOS 7.18 on, but this device has 7.16" in done["devices"][ROUTER]["message"]
     )
     assert at.export() == before
 

@@ -170,4 +170,4 @@ def test_record_is_saved_compared_and_printed_with_labels(tmp_path: Path) -> Non
     second = provision(tmp_path)
     assert second.returncode == 0, second.stderr
     assert f"No differences from record {told['id']} in what was read." in second.stdout
-    assert second.stdout.splitlines()[-1] == "1 of 5 devices were read, 4 were left out"
+    assert second.stdout.splitlines()[-1] == "1 of 5 devices were read, 4 were excluded"

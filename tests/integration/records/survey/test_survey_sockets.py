@@ -105,7 +105,7 @@ def test_far_end_without_a_route_is_reported(tmp_path: Path, monkeypatch: pytest
     link, store = find_survey_link(DECLARATION, UNIT.site, None), Store(tmp_path, is_rehearsal=True)
     request = Request(state=tmp_path, mode=Mode.DRIFT)
     site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan())
-    with ExitStack() as stack, pytest.raises(UsageError, match=r"no way to the far end .*: Network is unreachable"):
+    with ExitStack() as stack, pytest.raises(UsageError, match=r"no route to the far end .*: Network is unreachable"):
         site.build_survey(stack, lambda _sample: None, lambda _point: None)
 
 

@@ -189,4 +189,4 @@ def test_a_parser_that_takes_everything_is_inconclusive(tmp_path: Path, monkeypa
     monkeypatch.setattr("atlantis_netcfg.emulator.routeros.console.run._code", lambda *_: "(evl /ip/pool/add)")
     result = on(Bench(tmp_path), lambda bench: bench.converge())
     assert result.status is Status.CHANGED
-    assert any("INCONCLUSIVE" in note and "words that are not known here" in note for note in result.notes)
+    assert any("INCONCLUSIVE" in note and "with an unknown message" in note for note in result.notes)

@@ -104,8 +104,8 @@ def test_swapped_management_port_is_refused_with_a_working_hint(tmp_path: Path, 
     (planned, refused, declared, again), exports = on(Bench(tmp_path, text=DECLARED, spec=spec), act)
     for result in (planned, refused):
         assert (result.status, result.exit) == (Status.REFUSED, 4)
-        assert f"10.64.101.1, to which your session goes, would move from {plugged} to ether8" in result.message
-        assert "change it from another port, or declare the ports as they are plugged in" in result.message
+        assert f"10.64.101.1, which your session uses, would move from {plugged} to ether8" in result.message
+        assert "run this from another port, or correct the ports in the inventory" in result.message
         assert f"{plugged} is the port that is now called ether8" in result.message
     assert exports[0] == exports[1]
     assert declared.status is Status.CHANGED, declared.message

@@ -71,7 +71,7 @@ def test_unpinned_certificate_is_refused_without_a_login(tmp_path: Path) -> None
 
     result, logins = on(bench, act)
     assert (result.status, logins) == (Status.LEFT_AS_FOUND, 0)
-    assert "its certificate is not known here, so it was told no password" in result.message
+    assert "its certificate is unknown here, so no password was sent" in result.message
     assert bench.store.pins.get("router") is None
 
 

@@ -106,7 +106,7 @@ def test_three_commands_bring_a_robot_to_the_control_centre(tmp_path: Path, peer
         code, seen = robot.type(opened, answer=sent.passphrase.reveal())
         assert code == 0, seen
         code, seen = robot.type(install)
-        assert (code, seen.splitlines()[-1]) == (0, f"{ROBOT} is in the VPN: 10.80.0.1 answers through the tunnel"), (
+        assert (code, seen.splitlines()[-1]) == (0, f"{ROBOT} is in the VPN: 10.80.0.1 responds through the tunnel"), (
             seen
         )
         assert run.endswith(" YOUR_PROGRAM")
@@ -122,7 +122,7 @@ def _without_a_tunnel(robot: Robot, install: str) -> None:
     robot.end()
     robot.program("systemctl", "#!/bin/sh\nexit 0\n")
     code, seen = robot.type(install)
-    assert (code, "10.80.0.1 does not answer through the tunnel" in seen, "is in the VPN" in seen) == (5, True, False)
+    assert (code, "10.80.0.1 does not respond through the tunnel" in seen, "is in the VPN" in seen) == (5, True, False)
 
 
 def _meet(made: Vpn, robot: Robot, run: str, peer: Peer) -> None:

@@ -165,7 +165,7 @@ def test_wrong_clock_is_reported(tmp_path: Path) -> None:
             HOST.name, HOST.site, endpoint, tunnel, stand.identity, profile, is_rehearsal=False, notify=ignore
         )
         (note,) = asyncio.run(asked.look()).notes
-        assert note.startswith("its clock says 1970-01-02: the tunnel comes up when it is right")
+        assert note.startswith("its clock says 1970-01-02: the tunnel cannot come up until the clock is right")
 
 
 def test_unsuitable_host_is_refused_before_anything_is_contacted(tmp_path: Path) -> None:

@@ -169,7 +169,7 @@ def test_vulnerable_openvpn_is_not_started(server: Stand) -> None:
     told = server.run()
     server.machine.run("mv /usr/sbin/openvpn.kept /usr/sbin/openvpn")
     assert told["status"] == "left-as-found"
-    assert "openvpn 2.6.10 has holes that are known" in told["message"]
+    assert "openvpn 2.6.10 has known vulnerabilities" in told["message"]
     assert server.pid() == before
 
 
