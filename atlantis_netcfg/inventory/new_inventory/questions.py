@@ -63,8 +63,8 @@ _PROBE_TARGETS = Question(
 )
 _PLACE = (
     Question("title", "Name in everyday use", "its short name", is_detail=True),
-    Question("lan", "Local network (for example 10.20.1.0/24)"),
-    Question("management", "Network of the management port (for example 10.20.101.0/24)", is_detail=True),
+    Question("lan", "Local network (like 10.20.1.0/24)"),
+    Question("management", "Network of the management port (like 10.20.101.0/24)", is_detail=True),
     Question("domain", "DNS suffix of the local network", is_detail=True),
     Question("router_ports", "Ethernet ports of the router", is_detail=True),
 )
@@ -79,7 +79,7 @@ _PILOT = (
 _VPN = (
     Question("endpoint", "Public address of the VPN server"),
     Question("endpoint_name", "DNS name of the VPN server"),
-    Question("network", "Tunnel addresses, /20 or larger (for example 10.80.0.0/16)", is_detail=True),
+    Question("network", "Tunnel addresses, /20 or larger (like 10.80.0.0/16)", is_detail=True),
 )
 _CABLE = (
     Question("network", "Network between router and provider"),
@@ -110,7 +110,7 @@ _SATELLITE = (
     Question("network", "Network between router and terminal, /29 or larger", is_detail=True),
     Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
 )
-_GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is written"),)
+_GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is made"),)
 _PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
     ("wifi_bridge", "Is there a Wi-Fi bridge to the control centre?", BridgeAnswers, _BRIDGE),
     ("cable", "Is there a cable to a provider?", CableAnswers, (*_CABLE[:-1], _PROBE_TARGETS, _RATE)),

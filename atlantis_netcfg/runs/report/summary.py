@@ -162,7 +162,7 @@ class Summary:
             add_count, change_count, remove_count = self.rows
             plan = translate(f"{add_count} rows to add, {change_count} to change, {remove_count} to remove")
             counts += _label_lines("plan", plan, width)
-        reason = list(_label_lines("look at", self._reason(), width)) if self._reason() else []
+        reason = list(_label_lines("check", self._reason(), width)) if self._reason() else []
         advice = list(_advice(self._advice_text(), width)) if self._advice_text() else []
         if self.limits:
             advice += _label_lines("limits", translate(count_limits(self.limits, "--verbose")), width)

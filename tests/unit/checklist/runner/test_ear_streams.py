@@ -38,7 +38,7 @@ def test_connection_timeout_is_reported() -> None:
         told = heard_by(listen(port, connect_s=0.2))
         for one in crowd:
             one.close()
-    assert (told.trouble, told.words) == (Trouble.SILENT, f"127.0.0.1 port {port}: no answer within 0.2 s")
+    assert (told.trouble, told.words) == (Trouble.SILENT, f"127.0.0.1 port {port}: no response within 0.2 s")
 
 
 @pytest.mark.parametrize(

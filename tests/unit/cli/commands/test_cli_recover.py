@@ -74,7 +74,7 @@ def test_unknown_site_is_not_reported_as_finished(state: Path, capsys: pytest.Ca
     start_run(state)
     assert main(["recover", "site=costal"]) == ExitCode.NOTHING
     printed = capsys.readouterr()
-    assert (printed.out, "there are no runs of `costal`" in printed.err) == ("", True)
+    assert (printed.out, "no runs of `costal`" in printed.err) == ("", True)
 
 
 @pytest.mark.parametrize(("answer", "code"), [("2", ExitCode.USAGE), ("", ExitCode.DONE), ("3", ExitCode.DONE)])

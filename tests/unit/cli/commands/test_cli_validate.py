@@ -97,7 +97,7 @@ def test_warnings_do_not_fail(inventory: Path, capsys: pytest.CaptureFixture[str
     assert main(["inventory", "validate", "inventory=inventory", "--json"]) == ExitCode.DONE
     (warning,) = json.loads(capsys.readouterr().out)["warnings"]
     assert (warning["file"], warning["line"]) == ("inventory/group_vars/coastal.yml", 44)
-    assert warning["message"].startswith("9.4 MB of automatic traffic a month over satellite ")
+    assert warning["message"].startswith("9.4 MB of background traffic a month over satellite ")
     without_budgets(inventory)
     assert main(["inventory", "validate", "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out

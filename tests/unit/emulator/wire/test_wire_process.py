@@ -107,7 +107,7 @@ def test_dead_emulators_are_reported_with_their_log(tmp_path: Path) -> None:
     twins._process.wait()
     with pytest.raises(EmulatorError, match="the process of the emulated devices has ended") as ended:
         twins.do("router", "info")
-    assert ended.value.hint == "type the same command again"
+    assert ended.value.hint == "run the same command again"
     (tmp_path / "twins.log").write_text("one\nMemoryError\n")
     with pytest.raises(EmulatorError) as once_more:
         twins.do("router", "info")

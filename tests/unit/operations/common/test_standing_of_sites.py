@@ -174,7 +174,7 @@ def test_metered_link_without_a_budget_is_a_warning(pilot: Inventory) -> None:
     assert found is not None
     assert (found.verdict, found.code) == (Verdict.WARN, "no-standing-budget")
     assert found.message == (
-        "no budget in the inventory for automatic traffic over satellite: 2412.7 MB a month (19301.91 EUR)"
+        "no budget in the inventory for background traffic over satellite: 2412.7 MB a month (19301.91 EUR)"
     )
     assert over_budget(pilot.sites["coastal"].bearers[0], standing_traffic(pilot, "coastal")[0]) is None
 
@@ -216,5 +216,5 @@ def test_exceeded_budget_is_a_warning(pilot: Inventory, budget: dict[str, float]
     if found is not None:
         assert (found.verdict, found.code) == (Verdict.WARN, "standing-over-budget")
         assert found.message == (
-            f"2412.7 MB of automatic traffic a month over satellite (19301.91 EUR) exceeds its budget of {words}"
+            f"2412.7 MB of background traffic a month over satellite (19301.91 EUR) exceeds its budget of {words}"
         )

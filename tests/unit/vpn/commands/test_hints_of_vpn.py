@@ -373,7 +373,7 @@ SITUATIONS: dict[str, Situation] = {
     ),
     "no authority for the server": (
         without_authority_for_the_server,
-        "make one: `provision vpn init`; where a colleague has it, copy nothing: let them run this",
+        "create one: `provision vpn init`; if a colleague has it, do not copy it: let them run this",
         0,
         "created: VPN",
     ),
@@ -471,8 +471,8 @@ SITUATIONS: dict[str, Situation] = {
     "a list of another authority": (
         a_list_of_another,
         (
-            "it is not signed by this authority, or older than the one in its place: with it a revoked member would "
-            "be let in. Look at `provision vpn status`, and type the same again"
+            "it is not signed by this authority, or older than the one on the server: with it a revoked member could "
+            "connect. See `provision vpn status`, and run the same command again"
         ),
         0,
         "the record matches its signature",

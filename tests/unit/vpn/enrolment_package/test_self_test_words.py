@@ -212,7 +212,7 @@ def test_diagnosis_through_an_existing_tunnel(
 ) -> None:
     answered, closed = THROUGH[case]
     monkeypatch.setattr(program, "is_local", lambda address: address == "10.80.16.1")
-    monkeypatch.setattr(program, "ping", lambda *asked: "answers in 71 ms" if (*asked, 56)[:2] in answered else None)
+    monkeypatch.setattr(program, "ping", lambda *asked: "responds in 71 ms" if (*asked, 56)[:2] in answered else None)
     dds = program.Result("dds", "ok" if closed else "?", "as the sockets have it", "")
     monkeypatch.setattr(program, "dds", lambda _address, _port: dds)
     monkeypatch.setenv("PATH", str(tmp_path))
@@ -264,7 +264,7 @@ def test_missing_or_damaged_facts_file_is_reported(
     monkeypatch.chdir(tmp_path)
     spoil(unpacked(tmp_path))
     assert program.main(["--facts", "self-test.json"]) == 6
-    said = "NOT PASSED\nself-test.json cannot be read: unpack the hand-out again, and run its test there\n"
+    said = "NOT PASSED\nself-test.json cannot be read: unpack the enrolment package again, and run its test there\n"
     assert capsys.readouterr().out == said
 
 

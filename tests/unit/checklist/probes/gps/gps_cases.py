@@ -210,7 +210,7 @@ CASES = {
         GPSD, heard([*gpsd()[:1], (3.0, say.said({"class": "DEVICE", "path": say.PATH, "activated": 0}))], 15.0)
     ),
     "gpsd, receiver says nothing": Case(GPSD, heard(gpsd(), 15.0)),
-    "gpsd, vehicle off": Case(GPSD, troubled(Trouble.SILENT, "10.64.1.22 port 2947: no answer within 10 s")),
+    "gpsd, vehicle off": Case(GPSD, troubled(Trouble.SILENT, "10.64.1.22 port 2947: no response within 10 s")),
     "gpsd, no way": Case(GPSD, troubled(Trouble.UNREACHABLE, "10.64.1.22 port 2947: Network is unreachable")),
     "gpsd, gateway not reached": Case(GPSD, troubled(Trouble.NO_PLACE, "Connection timed out")),
     "NMEA, not started or in use": Case(TCP, troubled(Trouble.REFUSED, "10.64.1.21 port 10110: Connection refused")),

@@ -128,13 +128,13 @@ def test_position_counts_without_settings() -> None:
         (
             Trouble.NO_PLACE,
             (
-                "INCONCLUSIVE place-not-reached: nobody has listened to GPS of off-router: "
+                "INCONCLUSIVE place-not-reached: GPS of off-router was not read: "
                 "off-router was not reached: no route"
             ),
         ),
         (
             Trouble.SILENT,
-            "INCONCLUSIVE no-answer: nobody answers at off-router: Offshore is off, or not in the network",
+            "INCONCLUSIVE no-answer: no response at off-router: Offshore is off, or not in the network",
         ),
     ],
 )

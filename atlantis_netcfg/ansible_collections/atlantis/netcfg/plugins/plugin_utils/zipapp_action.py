@@ -169,7 +169,7 @@ def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
         hint = "`apt-get install python3` on it; `ansible_python_interpreter` tells where it is otherwise"
         return {"failed": True, "msg": words, "hint": hint}
     last = _last_lines([*lines, *str(values["stderr"]).split("\n")])
-    words = f"{name} was cut off on this computer (exit {values['rc']})" + (f":\n{last}" if last else " without a word")
+    words = f"{name} was cut off on this computer (exit {values['rc']})" + (f":\n{last}" if last else " without output")
     return {"failed": True, "msg": words, "hint": "type the same again: it goes on from whatever was left"}
 
 
