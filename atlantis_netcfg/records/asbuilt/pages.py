@@ -221,8 +221,8 @@ def anchor(name: str) -> str:
 def html(record: AsBuiltRecord, digest: str) -> bytes:
     """Return the page: no script, no request, the same for the same record. `digest`: SHA-256 of `as-built.json`."""
     states = {device.state for device in record.devices}
-    worst = next((state for state in (ReadState.NOT_REACHED, ReadState.IN_PART) if state in states), None)
-    state = worst or (ReadState.READ if ReadState.READ in states else ReadState.BY_HAND)
+    order = (ReadState.NOT_REACHED, ReadState.IN_PART, ReadState.READ)
+    state = next((state for state in order if state in states), ReadState.BY_HAND)
     header = PageHeader(
         heading(record),
         subtitle(record),

@@ -223,7 +223,7 @@ def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
     return tuple(paths)
 
 
-_EMULATED: Final = "REHEARSAL: track, unit, coverage and link were emulated. Nothing here describes a real place."
+_EMULATION: Final = "REHEARSAL: track, unit, coverage and link were emulated. Nothing here describes a real place."
 _ENDS: Final = {
     "done": "it ran until its time was over or a person ended it",
     "stopped": "it was interrupted; all data up to then is here",
@@ -272,7 +272,7 @@ def render_page(survey: Survey, coast: Coast | None = None) -> bytes:
         PageHeader(
             f"Coverage along a track: {header.title} ({header.site})",
             f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
-            _EMULATED if header.emulated else "",
+            _EMULATION if header.emulated else "",
         ),
         source=f"link {header.link}, read from {header.unit}, positions from {header.positions_by}",
         frame=frame,

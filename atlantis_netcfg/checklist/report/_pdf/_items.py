@@ -81,8 +81,7 @@ def not_checked(sheet: _sheet.Sheet, document: Document) -> None:
         sheet.tell(f"{translate(entry.what)}: {translate(entry.why)}", indent=_INDENT)
     for item in open_items:
         sheet.tell(
-            f"{signs.SYMBOLS[_shapes.state(item)]} {_texts.item_title(item)}: {translate(item.message)}",
-            indent=_INDENT,
+            f"{signs.SYMBOLS[_shapes.state(item)]} {_texts.item_title(item)}: {translate(item.message)}", indent=_INDENT
         )
     if not document.left_out and not open_items:
         sheet.tell(translate(_texts.PageText.ALL_CHECKED))
@@ -242,14 +241,7 @@ def provenance(sheet: _sheet.Sheet, document: Document) -> None:
 _NAME, _GAP, _ROW = 27.0, 3.0, 9.0
 _NAME_LETTERS = 16
 _LOUD = frozenset({signs.ShownState.FAIL, signs.ShownState.ERROR})
-_THICK = frozenset(
-    {
-        signs.ShownState.FAIL,
-        signs.ShownState.ERROR,
-        signs.ShownState.INCONCLUSIVE,
-        signs.ShownState.OPEN,
-    }
-)
+_THICK = _LOUD | {signs.ShownState.INCONCLUSIVE, signs.ShownState.OPEN}
 
 
 def table(sheet: _sheet.Sheet, document: Document) -> None:
