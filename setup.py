@@ -10,6 +10,16 @@ ROOT = Path(__file__).parent
 RESOURCES = ("ansible.cfg", "inventory", "playbooks", "roles", "templates")
 """`atlantis_netcfg.core.paths.resource` finds them, in a checkout and in an installed package."""
 
+SETTINGS = Path("ansible.cfg")
+
+
+def wheel_settings(text: str) -> str:
+    """Return Ansible's settings for a wheel, where the collection stands above the folder of this file."""
+    before, after = "collections_path = atlantis_netcfg\n", "collections_path = ..\n"
+    if text.count(before) != 1:
+        raise ValueError(f"{SETTINGS}: expected the line `{before.strip()}` once")
+    return text.replace(before, after)
+
 
 def resource_files(root: Path = ROOT) -> list[Path]:
     """Return the paths of all files to lay in, without what tools left behind, and without images of systems."""
@@ -28,6 +38,8 @@ class BuildWithResources(build_py):
             copy = Path(self.build_lib, "atlantis_netcfg", "share", path)
             copy.parent.mkdir(parents=True, exist_ok=True)
             copy2(ROOT / path, copy)
+            if path == SETTINGS:
+                copy.write_text(wheel_settings(copy.read_text()))
 
     def get_source_files(self) -> list[str]:
         """Return what the source archive needs to build the same."""

@@ -5,4 +5,4 @@ difference under each device's own rollback protection and reports what it read 
 capability package (`routeros`, `links`, `computers`) -> `runs`, events.
 """
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"

@@ -16,6 +16,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli.base import commands, output
+from atlantis_netcfg.core import processes
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import ASCII, Printer
@@ -36,6 +37,8 @@ _HELP = frozenset({"-h", "--help"})
 def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = commands.COMMANDS) -> int:
     """Run one command line and return its exit code; tests replace `table`."""
     command_line = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        os.environ["PATH"] = processes.program_path()
     gc.set_threshold(_OBJECTS)
     # Python's end looks at all objects for garbage, a sixth of a run's time; what must be closed is, by its `with`.
     atexit.register(gc.freeze)

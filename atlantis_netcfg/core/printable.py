@@ -21,6 +21,7 @@ _UNSEEN = re.compile(
 )
 """Control characters except tab and line feed, and characters that hide or reverse adjacent text."""
 _BMP = 0xFFFF
+_CODE = re.compile(r"`([^`\s](?:[^`\n]*[^`\s])?)`")
 
 
 def line(text: str) -> str:
@@ -166,6 +167,11 @@ def _without_blanks(pieces: list[str | StyledText]) -> Row:
     while len(pieces) > 1 and not plain((pieces[-1],)).strip():
         pieces.pop()
     return tuple(pieces)
+
+
+def split_code(text: str) -> list[tuple[str, bool]]:
+    """Split text into pieces; those between back-ticks are code (True), without the back-ticks."""
+    return [(piece, bool(number % 2)) for number, piece in enumerate(_CODE.split(text)) if piece]
 
 
 def shows_colour(stream: Any, environment: Mapping[str, str] = os.environ) -> bool:  # noqa: ANN401 - any text stream

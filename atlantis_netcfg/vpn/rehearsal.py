@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core import errors, temporary
+from atlantis_netcfg.core import errors, processes, temporary
 from atlantis_netcfg.inventory.model import Router, SiteComputer
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
@@ -68,7 +68,7 @@ def rehearsed_identity(inventory: Inventory, host: Host, wrap: Wrap = Wrap.TLS_C
 @contextmanager
 def vpn_server(identity: Identity) -> Iterator[int]:
     """Run a real OpenVPN server on the loopback, without tunnel, with that identity's shared key; yield its port."""
-    program = shutil.which("openvpn") or shutil.which("openvpn", path="/usr/sbin:/sbin")
+    program = shutil.which("openvpn", path=processes.program_path())
     if program is None:
         raise errors.NoMatchError("not rehearsed: OpenVPN is not installed on this computer", hint="install openvpn")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:

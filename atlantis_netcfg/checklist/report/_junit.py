@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report import _shapes, _words
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.runs.report import drift
+from atlantis_netcfg.runs.report import drift, signs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.checklist.report.document import Document, Item
 
-_FAILURES = frozenset({_shapes.ShownState.FAIL, _shapes.ShownState.INCONCLUSIVE, _shapes.ShownState.OPEN})
+_FAILURES = frozenset({signs.ShownState.FAIL, signs.ShownState.INCONCLUSIVE, signs.ShownState.OPEN})
 
 
 def junit(document: Document) -> bytes:
@@ -66,9 +66,9 @@ def _judge(case: ET.Element, item: Item) -> None:
     words = filter(None, (item.message, item.hint))
     if shown_state in _FAILURES:
         drift.add(case, "failure", str(shown_state), *words)
-    elif shown_state is _shapes.ShownState.ERROR:
+    elif shown_state is signs.ShownState.ERROR:
         drift.add(case, "error", str(shown_state), *words)
-    elif shown_state is _shapes.ShownState.SKIP:
+    elif shown_state is signs.ShownState.SKIP:
         drift.skip(case, item.message)
     drift.add_output(case, *_item_lines(item))
 

@@ -1,67 +1,41 @@
-"""Shapes of a checklist: boxes, badges and wires in pixels, the grid of Table 3, colours, and state symbols.
-
-Text colours have a contrast of at least 4.5 to their background, edges one of 3 to the page (WCAG 2.2, 1.4.3 and
-1.4.11); a test measures them. Each colour comes with a symbol and a word, for readers who cannot see colours.
-"""
+"""Shapes of a checklist: boxes, badges and wires in pixels, and the grid of Table 3."""
 
 from __future__ import annotations
 
 import unicodedata
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report.document import Document, Item, Row
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import visible
+from atlantis_netcfg.runs.report import signs
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
 
-class ShownState(StrEnum):
-    """State of an item as shown, the worst last."""
-
-    SKIP = "SKIP"
-    PASS = "PASS"  # noqa: S105 - a verdict
-    WARN = "WARN"
-    OVERRIDDEN = "OVERRIDDEN"
-    """It did not pass, and a person has taken the responsibility."""
-    NOT_CHECKED = "NOT CHECKED"
-    """A cell of the table without an item: the checklist was narrowed."""
-    OPEN = "OPEN"
-    """Nobody has looked or answered yet."""
-    INCONCLUSIVE = "INCONCLUSIVE"
-    FAIL = "FAIL"
-    ERROR = "ERROR"
-
-
-_ORDER = tuple(ShownState)
-GREEN = frozenset({ShownState.SKIP, ShownState.PASS, ShownState.WARN, ShownState.OVERRIDDEN})
+_ORDER = tuple(signs.ShownState)
+GREEN = frozenset(
+    {
+        signs.ShownState.SKIP,
+        signs.ShownState.PASS,
+        signs.ShownState.WARN,
+        signs.ShownState.OVERRIDDEN,
+    }
+)
 """States that do not keep a checklist from being green, as in `Document.exit`."""
 
-SYMBOLS = {
-    ShownState.SKIP: "–",  # noqa: RUF001 - a dash
-    ShownState.PASS: "✓",
-    ShownState.WARN: "!",
-    ShownState.OVERRIDDEN: "✎",
-    ShownState.NOT_CHECKED: "…",
-    ShownState.OPEN: "○",
-    ShownState.INCONCLUSIVE: "?",
-    ShownState.FAIL: "✗",
-    ShownState.ERROR: "■",
-}
-"""No symbol has an emoji form, so every phone shows it in the colour of the text."""
 ASCII = {
-    ShownState.SKIP: "-",
-    ShownState.PASS: "+",
-    ShownState.WARN: "!",
-    ShownState.OVERRIDDEN: "*",
-    ShownState.NOT_CHECKED: ".",
-    ShownState.OPEN: "o",
-    ShownState.INCONCLUSIVE: "?",
-    ShownState.FAIL: "X",
-    ShownState.ERROR: "#",
+    signs.ShownState.SKIP: "-",
+    signs.ShownState.PASS: "+",
+    signs.ShownState.WARN: "!",
+    signs.ShownState.OVERRIDDEN: "*",
+    signs.ShownState.NOT_CHECKED: ".",
+    signs.ShownState.OPEN: "o",
+    signs.ShownState.INCONCLUSIVE: "?",
+    signs.ShownState.FAIL: "X",
+    signs.ShownState.ERROR: "#",
 }
 """For a console that may not support other symbols."""
 
@@ -69,18 +43,18 @@ _TAKEN_OVER = frozenset({Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR})
 _GRAVE = frozenset({Verdict.FAIL, Verdict.ERROR})
 
 
-def state(item: Item) -> ShownState:
+def state(item: Item) -> signs.ShownState:
     """Return the state to show for an item."""
     if item.override is not None and (item.open or item.verdict in _TAKEN_OVER):
-        return ShownState.OVERRIDDEN
+        return signs.ShownState.OVERRIDDEN
     if item.open and item.verdict not in _GRAVE:
-        return ShownState.OPEN
-    return ShownState(item.verdict.value)
+        return signs.ShownState.OPEN
+    return signs.ShownState(item.verdict.value)
 
 
-def worst_state(items: Iterable[Item]) -> ShownState:
+def worst_state(items: Iterable[Item]) -> signs.ShownState:
     """Return the worst state of some items; without items, NOT_CHECKED."""
-    return max(map(state, items), key=_ORDER.index, default=ShownState.NOT_CHECKED)
+    return max(map(state, items), key=_ORDER.index, default=signs.ShownState.NOT_CHECKED)
 
 
 LETTER = 6.1
@@ -99,7 +73,7 @@ class DrawnBox:
     label: str
     detail: str
     kind: str
-    state: ShownState | None
+    state: signs.ShownState | None
     """None: no item concerns it."""
 
     @property
@@ -116,7 +90,7 @@ class Badge:
     y: float
     width: float
     text: str
-    state: ShownState | None
+    state: signs.ShownState | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +98,7 @@ class DrawnWire:
     """A polyline with a state."""
 
     points: tuple[tuple[float, float], ...]
-    state: ShownState | None
+    state: signs.ShownState | None
     is_dashed: bool = False
     """Whether it goes through a tunnel, or through water and air."""
 
@@ -140,14 +114,14 @@ class DrawingLayout:
     badges: tuple[Badge, ...]
 
 
-def badge_width(label: str, state: ShownState | None) -> float:
+def badge_width(label: str, state: signs.ShownState | None) -> float:
     """Return the width that a badge needs."""
     return letters_of(badge_text(label, state)) * LETTER + 10
 
 
-def badge_text(label: str, state: ShownState | None) -> str:
+def badge_text(label: str, state: signs.ShownState | None) -> str:
     """Return the text of a badge, with its symbol in front."""
-    return f"{SYMBOLS[state]} {label}" if state is not None else label
+    return f"{signs.SYMBOLS[state]} {label}" if state is not None else label
 
 
 def letters_of(text: str) -> float:
@@ -169,46 +143,6 @@ def cut(text: str, room: float, dots: str = "…") -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Tint:
-    """Colours of one state."""
-
-    ink: str
-    paper: str
-    edge: str
-
-
-TINTS: Mapping[ShownState | None, Tint] = {
-    None: Tint("#1c2730", "#ffffff", "#6b7884"),
-    ShownState.SKIP: Tint("#46525c", "#eef1f3", "#75818c"),
-    ShownState.PASS: Tint("#0a5226", "#e2f5e6", "#2c8a4b"),
-    ShownState.WARN: Tint("#5f3d00", "#fff0c2", "#a87400"),
-    ShownState.OVERRIDDEN: Tint("#6d2f00", "#ffe6d1", "#b65a14"),
-    ShownState.NOT_CHECKED: Tint("#46525c", "#ffffff", "#75818c"),
-    ShownState.OPEN: Tint("#0b4470", "#e2f0fc", "#3279b3"),
-    ShownState.INCONCLUSIVE: Tint("#4a2786", "#efe7fc", "#8160bd"),
-    ShownState.FAIL: Tint("#8c0c12", "#fde1df", "#c8332f"),
-    ShownState.ERROR: Tint("#ffffff", "#7a0d3d", "#7a0d3d"),
-}
-DARK: Mapping[ShownState | None, Tint] = {
-    None: Tint("#e6edf3", "#1b232c", "#8b98a5"),
-    ShownState.SKIP: Tint("#b7c2cc", "#262f38", "#7b8894"),
-    ShownState.PASS: Tint("#a5ebb9", "#0f3a20", "#3f9e62"),
-    ShownState.WARN: Tint("#ffdf85", "#463300", "#b78a1d"),
-    ShownState.OVERRIDDEN: Tint("#ffc9a0", "#4a2608", "#cf7a3a"),
-    ShownState.NOT_CHECKED: Tint("#b7c2cc", "#12181f", "#7b8894"),
-    ShownState.OPEN: Tint("#a9d6fb", "#0d3353", "#4c93cd"),
-    ShownState.INCONCLUSIVE: Tint("#d6c3fa", "#352058", "#9a7cd6"),
-    ShownState.FAIL: Tint("#ffb8b3", "#561317", "#e0605b"),
-    ShownState.ERROR: Tint("#ffffff", "#8f1b50", "#e67cab"),
-}
-
-
-def css_class(state: ShownState | None) -> str:
-    """Return the CSS class of elements that show a state."""
-    return "s-none" if state is None else f"s-{state.lower().replace(' ', '-')}"
-
-
-@dataclass(frozen=True, slots=True)
 class GridCell:
     """Cell of the grid: one row and one column."""
 
@@ -225,7 +159,7 @@ class GridCell:
         return not (self.table3 or self.beside)
 
     @property
-    def state(self) -> ShownState:
+    def state(self) -> signs.ShownState:
         """Worst state of the cell's items."""
         return worst_state(self.items)
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from atlantis_netcfg.checklist.report import _shapes
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.runs.report import signs
 from atlantis_netcfg.runs.report.drift import clean
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class _SvgSheet:
     buses: list[float] = field(default_factory=list)
     """The common line below each row: above it hang badges of that row, below it stand those of the next."""
 
-    def state(self, names: Iterable[str]) -> _shapes.ShownState | None:
+    def state(self, names: Iterable[str]) -> signs.ShownState | None:
         """Return the worst state of some items; None if none of them exists."""
         known_items = [self.items[name] for name in names if name in self.items]
         return _shapes.worst_state(known_items) if known_items else None
@@ -78,7 +79,7 @@ class _SvgSheet:
 
 def states(
     document: Document,
-) -> tuple[dict[str, _shapes.ShownState | None], list[tuple[DrawnLink, _shapes.ShownState | None]]]:
+) -> tuple[dict[str, signs.ShownState | None], list[tuple[DrawnLink, signs.ShownState | None]]]:
     """Return the state of each node and each link, for the description of the drawing."""
     sheet = _SvgSheet({item.id: item for item in document.items})
     nodes = {node.key: sheet.state(node.items) for node in document.drawing.nodes}
@@ -216,7 +217,7 @@ def _spot(box: _shapes.DrawnBox, side: _Side, number: int) -> tuple[float, float
 
 
 def _layout_badge(
-    link: DrawnLink, state: _shapes.ShownState | None, spot: tuple[float, float], edges: tuple[float, float]
+    link: DrawnLink, state: signs.ShownState | None, spot: tuple[float, float], edges: tuple[float, float]
 ) -> _shapes.Badge:
     """Place a badge. `spot`: its centre and top; `edges`: its horizontal limits."""
     label = _shapes.cut(translate(link.label), _BADGE_LETTERS)
@@ -356,13 +357,13 @@ def _with_comma(words: str) -> str:
     return f", {words}" if words else ""
 
 
-def _group(root: ET.Element, state: _shapes.ShownState | None, kind: str) -> ET.Element:
-    return ET.SubElement(root, "g", {"class": f"{kind} {_shapes.css_class(state)}"})
+def _group(root: ET.Element, state: signs.ShownState | None, kind: str) -> ET.Element:
+    return ET.SubElement(root, "g", {"class": f"{kind} {signs.css_class(state)}"})
 
 
 def _wire(root: ET.Element, wire: _shapes.DrawnWire) -> None:
     points = " ".join(f"{x:g},{y:g}" for x, y in wire.points)
-    tint = _shapes.TINTS[wire.state]
+    tint = signs.TINTS[wire.state]
     attributes = {"points": points, "fill": "none", "stroke": tint.edge, "stroke-width": "1.6", "class": "line"}
     if wire.is_dashed:
         attributes["stroke-dasharray"] = "4 3"
@@ -370,11 +371,11 @@ def _wire(root: ET.Element, wire: _shapes.DrawnWire) -> None:
 
 
 def _box(root: ET.Element, box: _shapes.DrawnBox) -> None:
-    tint = _shapes.TINTS[box.state]
+    tint = signs.TINTS[box.state]
     group = _group(root, box.state, "box")
     shape = {"x": f"{box.x:g}", "y": f"{box.y:g}", "width": f"{box.width:g}", "height": f"{box.height:g}", "rx": "5"}
     ET.SubElement(group, "rect", shape | {"fill": tint.paper, "stroke": tint.edge, "class": "face"})
-    sign = f"{_shapes.SYMBOLS[box.state]} " if box.state is not None else ""
+    sign = f"{signs.SYMBOLS[box.state]} " if box.state is not None else ""
     detail = box.detail
     size = min(11.0, (box.width - 6) / (0.66 * max(_shapes.letters_of(sign + box.label), 1)))
     name = {"font-size": f"{size:.2f}", "font-weight": "bold", "fill": tint.ink}
@@ -384,7 +385,7 @@ def _box(root: ET.Element, box: _shapes.DrawnBox) -> None:
 
 
 def _badge(root: ET.Element, badge: _shapes.Badge) -> None:
-    tint = _shapes.TINTS[badge.state]
+    tint = signs.TINTS[badge.state]
     group = _group(root, badge.state, "badge")
     shape = {
         "x": f"{badge.x:g}",

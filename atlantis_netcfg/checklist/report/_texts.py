@@ -5,7 +5,6 @@ The documents themselves, and JUnit XML, stay English.
 
 from __future__ import annotations
 
-import re
 from enum import StrEnum
 
 from atlantis_netcfg.checklist.report.document import (
@@ -18,6 +17,7 @@ from atlantis_netcfg.checklist.report.document import (
     SinceGreen,
 )
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import split_code
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.inventory.model import Phase
 
@@ -156,15 +156,6 @@ def name_of_page(document: Document) -> str:
     return f"Checklist of {document.title}, run {document.run}"
 
 
-_CODE = re.compile(r"`([^`\s](?:[^`\n]*[^`\s])?)`")
-
-
-def split_code(text: str) -> list[tuple[str, bool]]:
-    """Split text into pieces; those between back-ticks are code (True), without the back-ticks."""
-    pieces = enumerate(_CODE.split(text))
-    return [(piece, bool(number % 2)) for number, piece in pieces if piece]
-
-
 def strip_code(text: str) -> str:
     """Remove the back-ticks around code, for pages without a code font."""
-    return _CODE.sub(r"\1", text)
+    return "".join(piece for piece, _ in split_code(text))

@@ -14,6 +14,7 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.runs.report import signs
 from atlantis_netcfg.runs.report.summary import count_limits
 
 if TYPE_CHECKING:
@@ -44,15 +45,15 @@ def title(endpoint: str) -> str:
     return _TITLES.get(endpoint, endpoint)
 
 
-def counts(items: Iterable[Item]) -> dict[_shapes.ShownState, int]:
+def counts(items: Iterable[Item]) -> dict[signs.ShownState, int]:
     """Count the items of each state, the worst first; states without items are left out."""
     states = [_shapes.state(item) for item in items]
-    return {entry: states.count(entry) for entry in reversed(_shapes.ShownState) if entry in states}
+    return {entry: states.count(entry) for entry in reversed(signs.ShownState) if entry in states}
 
 
 def by_state(items: Iterable[Item]) -> list[Item]:
     """Sort by state, the worst first; within a state in the order of the list."""
-    order = tuple(reversed(_shapes.ShownState))
+    order = tuple(reversed(signs.ShownState))
     return sorted(items, key=lambda item: order.index(_shapes.state(item)))
 
 
@@ -63,37 +64,37 @@ def to_look_at(document: Document) -> tuple[str, list[Item]]:
     return "What to fix first" if grave else "What to check", every
 
 
-_SETTLED_STATES = frozenset({_shapes.ShownState.PASS, _shapes.ShownState.SKIP, _shapes.ShownState.OVERRIDDEN})
+_SETTLED_STATES = frozenset({signs.ShownState.PASS, signs.ShownState.SKIP, signs.ShownState.OVERRIDDEN})
 
 
-def headline(document: Document) -> tuple[_shapes.ShownState, str]:
+def headline(document: Document) -> tuple[signs.ShownState, str]:
     """Return the overall verdict as one state and one sentence."""
     values = counts(document.items)
     if document.exit is ExitCode.NOTHING:
-        return _shapes.ShownState.NOT_CHECKED, "Nothing was checked"
+        return signs.ShownState.NOT_CHECKED, "Nothing was checked"
     shown_state = next(iter(values)) if document.exit is not ExitCode.DONE else _pass_state(values)
     of_all, of_some = _HEADLINES.get(shown_state, _NOT_PASSED) if document.exit is ExitCode.DONE else _NOT_PASSED
     return shown_state, of_some.format(scope=scope(document)) if document.scope else of_all
 
 
-def _pass_state(values: Mapping[_shapes.ShownState, int]) -> _shapes.ShownState:
+def _pass_state(values: Mapping[signs.ShownState, int]) -> signs.ShownState:
     return next(
-        (state for state in (_shapes.ShownState.OVERRIDDEN, _shapes.ShownState.WARN) if state in values),
-        _shapes.ShownState.PASS,
+        (state for state in (signs.ShownState.OVERRIDDEN, signs.ShownState.WARN) if state in values),
+        signs.ShownState.PASS,
     )
 
 
 _NOT_PASSED = ("The checklist has not passed", "The checklist has not passed, for {scope} only")
 _HEADLINES = {
-    _shapes.ShownState.OVERRIDDEN: (
+    signs.ShownState.OVERRIDDEN: (
         "The checklist has passed, with items overridden by a person",
         "The checklist has passed, for {scope} only, with items overridden by a person",
     ),
-    _shapes.ShownState.WARN: (
+    signs.ShownState.WARN: (
         "The checklist has passed, with warnings",
         "The checklist has passed, for {scope} only, with warnings",
     ),
-    _shapes.ShownState.PASS: ("The checklist has passed", "The checklist has passed, for {scope} only"),
+    signs.ShownState.PASS: ("The checklist has passed", "The checklist has passed, for {scope} only"),
 }
 
 
@@ -170,20 +171,20 @@ _NAME, _CELL = 14, 7
 _MARGIN = 15
 """Column at which the text of an item begins."""
 _GRID = {
-    _shapes.ShownState.PASS: "ok",
-    _shapes.ShownState.INCONCLUSIVE: "?",
-    _shapes.ShownState.OVERRIDDEN: "FAIL*",
-    _shapes.ShownState.NOT_CHECKED: ".",
+    signs.ShownState.PASS: "ok",
+    signs.ShownState.INCONCLUSIVE: "?",
+    signs.ShownState.OVERRIDDEN: "FAIL*",
+    signs.ShownState.NOT_CHECKED: ".",
 }
 _WORDS = {
-    _shapes.ShownState.INCONCLUSIVE: "? INCONCLUSIVE",
-    _shapes.ShownState.OVERRIDDEN: "FAIL* overridden by a person",
-    _shapes.ShownState.NOT_CHECKED: ". not checked",
+    signs.ShownState.INCONCLUSIVE: "? INCONCLUSIVE",
+    signs.ShownState.OVERRIDDEN: "FAIL* overridden by a person",
+    signs.ShownState.NOT_CHECKED: ". not checked",
 }
 _BELOW = ("robot", "integration", "items")
 """Columns that a console shows below the table in lines of their own, because the table fills its width."""
 _HEADS = {"acoustic": "Acous.", "satellite": "Satel.", "ethernet": "Ether."}
-_BRIEF = frozenset({_shapes.ShownState.OPEN, _shapes.ShownState.SKIP, _shapes.ShownState.PASS})
+_BRIEF = frozenset({signs.ShownState.OPEN, signs.ShownState.SKIP, signs.ShownState.PASS})
 """States that are listed last, in a line each or by name alone."""
 
 
@@ -230,17 +231,17 @@ def ending(document: Document, room: int = 8, *, with_signature: bool = True) ->
 
 
 _STYLES = {
-    _shapes.ShownState.PASS: printable.Style.GOOD,
-    _shapes.ShownState.WARN: printable.Style.WARNING,
-    _shapes.ShownState.OVERRIDDEN: printable.Style.WARNING,
-    _shapes.ShownState.INCONCLUSIVE: printable.Style.WARNING,
-    _shapes.ShownState.OPEN: printable.Style.WARNING,
-    _shapes.ShownState.FAIL: printable.Style.BAD,
-    _shapes.ShownState.ERROR: printable.Style.BAD,
+    signs.ShownState.PASS: printable.Style.GOOD,
+    signs.ShownState.WARN: printable.Style.WARNING,
+    signs.ShownState.OVERRIDDEN: printable.Style.WARNING,
+    signs.ShownState.INCONCLUSIVE: printable.Style.WARNING,
+    signs.ShownState.OPEN: printable.Style.WARNING,
+    signs.ShownState.FAIL: printable.Style.BAD,
+    signs.ShownState.ERROR: printable.Style.BAD,
 }
 
 
-def _colour(shown_state: _shapes.ShownState, text: str) -> str | printable.StyledText:
+def _colour(shown_state: signs.ShownState, text: str) -> str | printable.StyledText:
     return printable.StyledText(text, _STYLES[shown_state]) if shown_state in _STYLES else text
 
 
@@ -360,14 +361,14 @@ def _item(item: Item, zone: str) -> Iterator[str]:
 
 def _brief(document: Document) -> Iterator[str]:
     """Yield open and skipped items with their reason, and passed ones by name only."""
-    for entry in (_shapes.ShownState.OPEN, _shapes.ShownState.SKIP):
+    for entry in (signs.ShownState.OPEN, signs.ShownState.SKIP):
         for item in document.items:
             if _shapes.state(item) is entry:
                 words = f"{item.id}: {_texts.item_title(item)} ({translate(item.message)})"
                 yield from _wrap_words(f"{_shapes.ASCII[entry]} {entry}", words)
-    passed_ids = [item.id for item in document.items if _shapes.state(item) is _shapes.ShownState.PASS]
+    passed_ids = [item.id for item in document.items if _shapes.state(item) is signs.ShownState.PASS]
     if passed_ids:
-        yield from _wrap_words(f"{_shapes.ASCII[_shapes.ShownState.PASS]} PASS", ", ".join(passed_ids))
+        yield from _wrap_words(f"{_shapes.ASCII[signs.ShownState.PASS]} PASS", ", ".join(passed_ids))
 
 
 def _note_lines(document: Document) -> Iterator[str]:

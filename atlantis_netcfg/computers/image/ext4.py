@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.image import facts
-from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core import processes, temporary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -51,7 +51,7 @@ def tool(name: str) -> str:
 
 
 def _find_program(name: str) -> str | None:
-    return shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
+    return shutil.which(name, path=processes.program_path())
 
 
 @dataclass(frozen=True, slots=True)

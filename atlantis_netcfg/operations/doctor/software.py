@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.bundle import manifest
 from atlantis_netcfg.computers.image import ext4
-from atlantis_netcfg.core import packages
+from atlantis_netcfg.core import packages, processes
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
@@ -136,7 +136,7 @@ def debian_versions(packages: Iterable[str]) -> dict[str, str]:
 
 def is_installed(program: str) -> bool:
     """Return whether a program is installed, including Debian's directories outside an ordinary user's PATH."""
-    return shutil.which(program) is not None or shutil.which(program, path="/usr/sbin:/sbin") is not None
+    return shutil.which(program, path=processes.program_path()) is not None
 
 
 def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorItem:

@@ -22,7 +22,8 @@ from atlantis_netcfg.records.asbuilt.record import (
     report_tables,
     title_of,
 )
-from atlantis_netcfg.runs.report.page import page, page_environment
+from atlantis_netcfg.runs.report import signs
+from atlantis_netcfg.runs.report.page import PageHeader, PageVerdict, page, page_environment
 from atlantis_netcfg.runs.report.summary import count_limits
 
 if TYPE_CHECKING:
@@ -37,6 +38,12 @@ _STYLES = {
     ReadState.IN_PART: printable.Style.WARNING,
     ReadState.NOT_REACHED: printable.Style.BAD,
 }
+_REHEARSAL = "REHEARSAL: no real device was contacted. Devices and all their responses were emulated."
+_SIGNS = {
+    ReadState.READ: signs.ShownState.PASS,
+    ReadState.IN_PART: signs.ShownState.WARN,
+    ReadState.NOT_REACHED: signs.ShownState.FAIL,
+}
 _STATES = {
     ReadState.READ: "READ",
     ReadState.IN_PART: "READ IN PART",
@@ -47,9 +54,14 @@ _STATES = {
 }
 
 
-def state_word(device: DeviceRecord) -> str:
-    """Return a device's reading state in capitals, in the person's language."""
-    return translate(_STATES[device.state])
+def state_word(state: ReadState) -> str:
+    """Return a reading state in capitals, in the person's language."""
+    return translate(_STATES[state])
+
+
+def shown_state(state: ReadState) -> signs.ShownState:
+    """Return the sign and colour of a reading state."""
+    return _SIGNS.get(state, signs.ShownState.SKIP)
 
 
 def heading(record: AsBuiltRecord) -> str:
@@ -171,7 +183,7 @@ def _rows(record: AsBuiltRecord) -> Iterator[printable.Row]:
 
 
 def _device(device: DeviceRecord, zone: str) -> Iterator[printable.Row]:
-    word = state_word(device)
+    word = state_word(device.state)
     kind = translate(device.kind.replace("_", " "))
     yield (
         printable.StyledText(device.name, printable.Style.TITLE),
@@ -208,9 +220,17 @@ def anchor(name: str) -> str:
 
 def html(record: AsBuiltRecord, digest: str) -> bytes:
     """Return the page: no script, no request, the same for the same record. `digest`: SHA-256 of `as-built.json`."""
-    style = _environment().get_template("as-built.css.j2").render()
+    states = {device.state for device in record.devices}
+    order = (ReadState.NOT_REACHED, ReadState.IN_PART, ReadState.READ)
+    state = next((state for state in order if state in states), ReadState.BY_HAND)
+    header = PageHeader(
+        heading(record),
+        subtitle(record),
+        _REHEARSAL if record.rehearsed else "",
+        PageVerdict(shown_state(state), state_word(state), closing(record)),
+    )
     words = {"record": record, "digest": digest, "tables": report_tables(record)}
-    return page(_environment(), "as-built.html.j2", style, **words)
+    return page(_environment(), "as-built.html.j2", header, **words)
 
 
 def table_words(table: ReportTable) -> str:
@@ -222,17 +242,14 @@ def table_words(table: ReportTable) -> str:
 def _environment() -> Environment:
     result = page_environment("atlantis_netcfg.records.asbuilt")
     result.globals.update(
-        heading=heading,
-        subtitle=subtitle,
-        what=what,
         where=where,
         facts_of=facts_of,
         title_of=title_of,
         state_word=state_word,
+        tint=shown_state,
         read_words=read_words,
         link_words=link_words,
         neighbour_words=neighbour_words,
-        closing=closing,
         checklist_words=checklist_words,
         compared_words=compared_words,
         table_words=table_words,

@@ -77,7 +77,7 @@ def _paper(record: AsBuiltRecord, digest: str) -> _sheet.Paper:
 
 
 def _device(paper: _sheet.Paper, device: DeviceRecord, zone: str) -> None:
-    paper.head(f"{device.name}: {pages.state_word(device)}")
+    paper.head(f"{device.name}: {pages.state_word(device.state)}")
     for words in (device.why, device.hint and f"→ {translate(device.hint)}", pages.read_words(device, zone)):
         if words:
             paper.tell(translate(words), indent=_INDENT)

@@ -20,7 +20,8 @@ from atlantis_netcfg.records.qualify.sections import (
     sections,
     subtitle,
 )
-from atlantis_netcfg.runs.report.page import page, page_environment, unread
+from atlantis_netcfg.runs.report import signs
+from atlantis_netcfg.runs.report.page import PageHeader, PageVerdict, page, page_environment, unread
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -114,16 +115,16 @@ def _label_rows(name: str, value: str) -> Iterator[Row]:
 
 def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
     """Return the page: no script, no request; the same for the same record."""
-    style = _environment().get_template("qualify.css.j2").render()
+    header = PageHeader(
+        heading(record),
+        subtitle(record),
+        EMULATED_NOTICE if record.run.emulated else "",
+        PageVerdict(signs.ShownState(record.verdict.value), record.verdict.value, closing_sentence(record)),
+    )
     return page(
         _environment(),
         "qualify.html.j2",
-        style,
-        heading=heading(record),
-        subtitle=subtitle(record),
-        emulated=EMULATED_NOTICE if record.run.emulated else "",
-        verdict=record.verdict.value,
-        closing=closing_sentence(record),
+        header,
         sections=sections(record),
         plots={plot.name: Markup(plot.svg()) for plot in plots},  # noqa: S704 - made by ElementTree, which escapes
     )

@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.checklist.report import _shapes
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.links.qualify.compare import loss_shares
 from atlantis_netcfg.links.qualify.figures import round_trips
+from atlantis_netcfg.runs.report import signs
 from atlantis_netcfg.runs.report.drift import clean
 
 if TYPE_CHECKING:
@@ -340,13 +340,13 @@ def _grid(record: QualifyRecord, name: str, title: str, rows: Sequence[MeasuredR
 
 
 def _draw_cell(chart: _Chart, row: MeasuredRate | None, x: float, y: float, width: float) -> None:
-    tint = _shapes.TINTS[None if row is None else _shapes.ShownState(row.verdict.value)]
+    tint = signs.TINTS[None if row is None else signs.ShownState(row.verdict.value)]
     chart.shape("rect", x=x, y=y, width=width, height=_ROW - 4, fill=tint.paper, stroke=tint.edge)
     if row is None:
         chart.text(x + width / 2, y + 18, translate("not measured"), size=9, fill=_FAINT)
         return
-    state = _shapes.ShownState(row.verdict.value)
-    chart.text(x + width / 2, y + 12, f"{_shapes.SYMBOLS[state]} {state}", weight="bold", size=9.5, fill=tint.ink)
+    state = signs.ShownState(row.verdict.value)
+    chart.text(x + width / 2, y + 12, f"{signs.SYMBOLS[state]} {state}", weight="bold", size=9.5, fill=tint.ink)
     detail = "" if row.p95_s is None else f"{row.p95_s:.2f} s"
     if row.reason != "sustained":
         detail = f"{detail}, {translate(row.reason)}" if detail else translate(row.reason)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.lte import judge
-from atlantis_netcfg.runs.report.page import page, page_environment
+from atlantis_netcfg.runs.report.page import PageHeader, page, page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -223,6 +223,7 @@ def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
     return tuple(paths)
 
 
+_EMULATION: Final = "REHEARSAL: track, unit, coverage and link were emulated. Nothing here describes a real place."
 _ENDS: Final = {
     "done": "it ran until its time was over or a person ended it",
     "stopped": "it was interrupted; all data up to then is here",
@@ -262,16 +263,17 @@ def count_unplaced(survey: Survey) -> tuple[tuple[str, int], ...]:
 
 def render_page(survey: Survey, coast: Coast | None = None) -> bytes:
     """Render the page; the result depends on the survey and the coastline alone."""
-    style, header = _environment().get_template("survey.css.j2").render(), survey.header
+    header = survey.header
     positions = [point.position for point in survey.placed_points if point.position is not None]
     frame = MapFrame.around(positions) if positions else None
     return page(
         _environment(),
         "survey.html.j2",
-        style,
-        survey=survey,
-        header=header,
-        subtitle=f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
+        PageHeader(
+            f"Coverage along a track: {header.title} ({header.site})",
+            f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
+            _EMULATION if header.emulated else "",
+        ),
         source=f"link {header.link}, read from {header.unit}, positions from {header.positions_by}",
         frame=frame,
         width=_WIDTH,

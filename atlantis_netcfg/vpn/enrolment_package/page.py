@@ -17,12 +17,14 @@ from datetime import UTC, datetime
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup
+
 from atlantis_netcfg.computers.dds import MemberDds, ProfileView, member_files, member_view
 from atlantis_netcfg.computers.services import PROFILES
-from atlantis_netcfg.core import language
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.routeros.render import environment
+from atlantis_netcfg.runs.report import page as report_page
 from atlantis_netcfg.vpn import routeros, systems
 from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared
 from atlantis_netcfg.vpn.identity import ClientSystem, Identity, Member, MemberKind, MemberLink, MembershipList, Wrap
@@ -329,11 +331,11 @@ def as_text(blocks: Sequence[str]) -> str:
 
 def as_html(blocks: Sequence[str]) -> str:
     """Return the page as HTML; it loads no external resources."""
-    title = html.escape(blocks[0].partition("\n")[0])
-    body = "\n".join(_to_html(html.escape(block, quote=False)) for block in blocks)
-    return (
-        environment().get_template("handout/README.html.j2").render(title=title, body=body, language=language.current())
-    )
+    body = "\n".join(_to_html(html.escape(block, quote=False)) for block in blocks[1:])
+    header = report_page.PageHeader(blocks[0].partition("\n")[0])
+    # Escaped above, block by block.
+    words = {"body": Markup(body), "unread": ""}  # noqa: S704 - see above
+    return report_page.page(report_page.page_environment(), "frame.html.j2", header, **words).decode()
 
 
 def _wrap_block(block: str) -> str:
@@ -357,8 +359,7 @@ def _fill(text: str, indent: str = "") -> str:
 def _to_html(block: str) -> str:
     lines = block.split("\n")
     if _is_heading(lines):
-        level = "h1" if lines[1][0] == "=" else "h2"
-        return f"<{level}>{lines[0]}</{level}>"
+        return f"<h2>{lines[0]}</h2>"
     if _is_typed(lines):
         return "<pre>" + "\n".join(line[4:] for line in lines) + "</pre>"
     if _is_list(lines):

@@ -115,3 +115,10 @@ def test_without_a_name_an_installed_program_takes_the_inventory_of_the_folder(i
     assert f"the inventory directory {install.place / 'empty' / 'inventory'} does not exist" in refused
     install.provision("inventory", "init", "inventory", "--from", "example")
     assert "inventory: no errors" in install.provision("inventory", "validate")
+
+
+def test_the_shipped_settings_find_collection_and_roles_from_any_folder(install: Install) -> None:
+    share = install.package / "share"
+    words = ["-m", "ansible", "playbook", "-i", str(share / "inventory"), str(share / "playbooks" / "site.yml")]
+    done = install.run("python", *words, "--syntax-check", ANSIBLE_CONFIG=str(share / "ansible.cfg"))
+    assert (done.returncode, done.stderr) == (0, "")

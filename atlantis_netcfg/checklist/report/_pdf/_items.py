@@ -11,6 +11,7 @@ from atlantis_netcfg.checklist.report._pdf import _sheet
 from atlantis_netcfg.checklist.report._svg import layout
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.runs.report import signs
 from atlantis_netcfg.runs.report.page import unread
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def since_green(sheet: _sheet.Sheet, document: Document) -> None:
     sheet.tell(translate(_texts.was_green(green, document.time_zone)))
     for change in green.changes:
         before, after = (
-            _shapes.SYMBOLS[_shapes.ShownState(word)] + f" {word}" if word else translate(_texts.PageText.NO_SUCH_ITEM)
+            signs.SYMBOLS[signs.ShownState(word)] + f" {word}" if word else translate(_texts.PageText.NO_SUCH_ITEM)
             for word in (change.before, change.after)
         )
         sheet.tell(f"{change.id}: {before} → {after}: {translate(change.message)}", indent=_INDENT)
@@ -74,16 +75,13 @@ def not_checked(sheet: _sheet.Sheet, document: Document) -> None:
     """Print what was not checked, and why."""
     sheet.head(translate(_texts.PageText.NOT_CHECKED))
     open_items = [
-        item
-        for item in document.items
-        if _shapes.state(item) in {_shapes.ShownState.OPEN, _shapes.ShownState.INCONCLUSIVE}
+        item for item in document.items if _shapes.state(item) in {signs.ShownState.OPEN, signs.ShownState.INCONCLUSIVE}
     ]
     for entry in document.left_out:
         sheet.tell(f"{translate(entry.what)}: {translate(entry.why)}", indent=_INDENT)
     for item in open_items:
         sheet.tell(
-            f"{_shapes.SYMBOLS[_shapes.state(item)]} {_texts.item_title(item)}: {translate(item.message)}",
-            indent=_INDENT,
+            f"{signs.SYMBOLS[_shapes.state(item)]} {_texts.item_title(item)}: {translate(item.message)}", indent=_INDENT
         )
     if not document.left_out and not open_items:
         sheet.tell(translate(_texts.PageText.ALL_CHECKED))
@@ -147,7 +145,7 @@ def _item(sheet: _sheet.Sheet, item: Item, attachments: _AttachmentMap, zone: st
 def _findings(sheet: _sheet.Sheet, item: Item) -> None:
     result = [finding for finding in item.findings if len(item.findings) > 1 or finding.message != item.message]
     for entry in result:
-        sign = _shapes.SYMBOLS[_shapes.ShownState(entry.verdict.value)]
+        sign = signs.SYMBOLS[signs.ShownState(entry.verdict.value)]
         sheet.tell(
             f"{sign} {entry.verdict} {translate(entry.message)} ({entry.code})", size=_sheet.SMALL, indent=_INDENT + 3
         )
@@ -217,7 +215,7 @@ def _verdict(sheet: _sheet.Sheet, document: Document) -> None:
     message = ", ".join(f"{number} {item}" for item, number in _words.counts(document.items).items())
     message = message or translate(_texts.PageText.NO_ITEMS)
     sheet.set_y(sheet.y + 3)
-    for text, size, bold in ((f"{_shapes.SYMBOLS[state]} {translate(words)}", 13.0, True), (message, 9.0, False)):
+    for text, size, bold in ((f"{signs.SYMBOLS[state]} {translate(words)}", 13.0, True), (message, 9.0, False)):
         sheet.plain(size, bold=bold)
         sheet.tint(state)
         height = sheet.font_size * 1.5
@@ -242,10 +240,8 @@ def provenance(sheet: _sheet.Sheet, document: Document) -> None:
 
 _NAME, _GAP, _ROW = 27.0, 3.0, 9.0
 _NAME_LETTERS = 16
-_LOUD = frozenset({_shapes.ShownState.FAIL, _shapes.ShownState.ERROR})
-_THICK = frozenset(
-    {_shapes.ShownState.FAIL, _shapes.ShownState.ERROR, _shapes.ShownState.INCONCLUSIVE, _shapes.ShownState.OPEN}
-)
+_LOUD = frozenset({signs.ShownState.FAIL, signs.ShownState.ERROR})
+_THICK = _LOUD | {signs.ShownState.INCONCLUSIVE, signs.ShownState.OPEN}
 
 
 def table(sheet: _sheet.Sheet, document: Document) -> None:
@@ -317,7 +313,7 @@ def _cell(sheet: _sheet.Sheet, cell: _shapes.GridCell, x: float, y: float, width
     sheet.rect(x + 0.5, y + 0.2, width - 1, _ROW - 0.4, style="DF")
     sheet.set_dash_pattern()
     sheet.set_line_width(0.2)
-    sign = f"({_shapes.SYMBOLS[cell.state]})" if cell.beside else _shapes.SYMBOLS[cell.state]
+    sign = f"({signs.SYMBOLS[cell.state]})" if cell.beside else signs.SYMBOLS[cell.state]
     sheet.set_font(_sheet.FAMILY, "B", 10)
     _fit_text(sheet, sign, (x, y + 0.8), (width, 4.2), "C")
     sheet.set_font(_sheet.FAMILY, "B", 6)
@@ -340,8 +336,8 @@ def _fit_text(sheet: _sheet.Sheet, text: str, at: Sequence[float], size: Sequenc
 
 
 def _legend(sheet: _sheet.Sheet) -> None:
-    signs = ", ".join(f"{symbol} {state}" for state, symbol in _shapes.SYMBOLS.items())
-    sheet.tell(f"{signs}, ( ) {translate(_texts.PageText.BESIDE_SIGN)}", size=7, faint=True)
+    legend = ", ".join(f"{symbol} {state}" for state, symbol in signs.SYMBOLS.items())
+    sheet.tell(f"{legend}, ( ) {translate(_texts.PageText.BESIDE_SIGN)}", size=7, faint=True)
 
 
 _MOST_HIGH = 0.42
@@ -400,7 +396,7 @@ class _Pen:
 
     def _box(self, box: _shapes.DrawnBox) -> None:
         self._face(box, box.height)
-        sign = f"{_shapes.SYMBOLS[box.state]} " if box.state is not None else ""
+        sign = f"{signs.SYMBOLS[box.state]} " if box.state is not None else ""
         self._write(f"{sign}{box.label}", box, box.y + (4 if box.detail else 12), 11, "B")
         if box.detail:
             self._write(box.detail, box, box.y + 20, 9, "")

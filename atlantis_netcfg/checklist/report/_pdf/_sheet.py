@@ -10,10 +10,11 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
-from atlantis_netcfg.checklist.report import _shapes, _texts
+from atlantis_netcfg.checklist.report import _texts
 from atlantis_netcfg.checklist.report._words import signature_line
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import visible
+from atlantis_netcfg.core.printable import split_code, visible
+from atlantis_netcfg.runs.report import signs
 from atlantis_netcfg.runs.report.page import page_language
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ class Paper(FPDF):
         """Print a paragraph with line breaks at the margin."""
         self.set_x(self.l_margin + indent)
         height = self.font_size * 1.35
-        pieces = _texts.split_code(printable(text))
+        pieces = split_code(printable(text))
         if any(is_code for _, is_code in pieces):
             self._with_code(pieces, height, indent)
         else:
@@ -188,23 +189,23 @@ class Sheet(Paper):
         self.head_line = "; ".join((*words, translate(digest)))
         self.foot_line = translate(signature_line(document))
 
-    def tint(self, state: _shapes.ShownState | None) -> None:
+    def tint(self, state: signs.ShownState | None) -> None:
         """Set the colours of a state, with an edge that identifies it in black and white."""
-        tint = _shapes.TINTS[state]
+        tint = signs.TINTS[state]
         self.set_text_color(*rgb(tint.ink))
         self.set_fill_color(*rgb(tint.paper))
         self.set_draw_color(*rgb(tint.edge))
 
-    def badge(self, state: _shapes.ShownState, words: str, *, link: int | None = None) -> None:
+    def badge(self, state: signs.ShownState, words: str, *, link: int | None = None) -> None:
         """Print a state in a box; the following text is placed beside it."""
         self.plain(SMALL, bold=True)
         self.tint(state)
-        text = printable(f"{_shapes.SYMBOLS[state]} {words}")
+        text = printable(f"{signs.SYMBOLS[state]} {words}")
         width = self.get_string_width(text) + 4
         self.cell(width, 5, text, border=1, fill=True, align="C", link=link or "")
         self.set_x(self.x + 2)
 
-    def badge_line(self, state: _shapes.ShownState, words: str, text: str, *, link: int | None = None) -> None:
+    def badge_line(self, state: signs.ShownState, words: str, text: str, *, link: int | None = None) -> None:
         """Print a badge with its text beside it."""
         self.badge(state, words, link=link)
         self.plain(BODY, bold=True)

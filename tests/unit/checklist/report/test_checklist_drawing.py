@@ -14,9 +14,10 @@ from hypothesis import given, settings
 from atlantis_netcfg.checklist import Checklist, plan
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.report import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
-from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, Badge, DrawnBox, ShownState, Tint
+from atlantis_netcfg.checklist.report._shapes import ASCII, Badge, DrawnBox
 from atlantis_netcfg.checklist.report._svg import describe_drawing, layout
 from atlantis_netcfg.inventory import Inventory, load
+from atlantis_netcfg.runs.report.signs import DARK, SYMBOLS, TINTS, ShownState, Tint
 
 INVENTORY = Path(__file__).parents[4] / "inventory"
 SVG = "{http://www.w3.org/2000/svg}"

@@ -14,9 +14,9 @@ from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.checklist.report._pages import html
 from atlantis_netcfg.checklist.report._pdf import pdf
 from atlantis_netcfg.checklist.report._pdf._sheet import _all_glyphs
-from atlantis_netcfg.checklist.report._shapes import ShownState
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.runs.report.signs import ShownState
 
 SAID = "value `x` of a device"
 

@@ -7,7 +7,7 @@ from checklist_strategies import SHORT, hostile
 from atlantis_netcfg.checklist.report import Document, _pdf, pages
 from atlantis_netcfg.checklist.report._pdf import pdf
 from atlantis_netcfg.checklist.report._pdf._sheet import printable
-from atlantis_netcfg.checklist.report._shapes import SYMBOLS
+from atlantis_netcfg.runs.report.signs import SYMBOLS
 
 
 @pytest.mark.parametrize(

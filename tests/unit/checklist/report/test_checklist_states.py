@@ -10,10 +10,11 @@ from checklist_html import parsed
 from atlantis_netcfg.checklist.report import Item, ItemKind, Override, lines
 from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.checklist.report._pages import html
-from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, SYMBOLS, ShownState, state, worst_state
+from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, state, worst_state
 from atlantis_netcfg.checklist.report._texts import KINDS
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.runs.report.signs import SYMBOLS, ShownState
 
 OVERRIDE = Override(reason="the crew stands beside it", by="B. Captain", at=made.AT)
 NAMES = {

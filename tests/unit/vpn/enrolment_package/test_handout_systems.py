@@ -145,7 +145,7 @@ def test_install_sh_has_valid_shell_syntax(kind: str, declaration: Inventory) ->
 def test_html_page_declares_its_language(declaration: Inventory, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(language, "_current_language", language.Language.PORTUGUESE)
     told = contents(declaration, identity(), contact=CONTACT)
-    assert '<html lang="pt">' in told["README.html"]
+    assert '<html lang="pt-PT">' in told["README.html"]
     assert json.loads(told["self-test.json"])["name"] == "inesc-laptop1"
 
 
