@@ -50,6 +50,10 @@ def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = comman
         stop_signals.ignore()
     except KeyboardInterrupt as stop:
         code = line.interrupt(stop) if code is None else code
+    if line.is_started:
+        from atlantis_netcfg.core import paths
+
+        paths.finish_command(code)
     if argv is not None:  # the process goes on without us
         stop_signals.restore(before)
     return int(code)
@@ -62,6 +66,7 @@ class _CommandLine:
         self.command_line = command_line
         self.table = table
         self.command: CommandSpec | None = None
+        self.is_started = False
 
     def end(self) -> ExitCode:
         """Run the command; report every error as a message."""
@@ -100,10 +105,12 @@ class _CommandLine:
         if _HELP & set(rest):
             return _print_help(entry.command, self.table)
         from atlantis_netcfg.cli.base.syntax import parse
-        from atlantis_netcfg.core import temporary
+        from atlantis_netcfg.core import paths, temporary
 
         arguments = parse(entry.command, rest)
         temporary.remove_orphans()
+        self.is_started = True
+        paths.start_command()
         return entry.run(arguments)
 
     def _choose_language(self) -> None:

@@ -34,8 +34,10 @@ RUNS = syntax.CommandSpec(
 
 def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     """List the runs, oldest first; exit code 7 if there are none."""
-    from atlantis_netcfg.cli.base.output import json_text
-    from atlantis_netcfg.core import paths
+    import sys
+
+    from atlantis_netcfg.cli.base.output import json_text, width_of
+    from atlantis_netcfg.core import paths, printable
     from atlantis_netcfg.runs import Store
 
     store = Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearse"))
@@ -49,7 +51,11 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     if arguments.flag("json"):
         print(json_text({"exit": int(errors.ExitCode.DONE), "errors": [], "runs": rows, "archived": archived_count}))
     else:
-        print("\n".join(_line(row) for row in rows))
+        width = width_of(sys.stdout) or printable.NARROW
+        lines = (line for key, group in _groups(rows).items() for line in _command_lines(store, key, group))
+        printable.show(
+            (row for line in lines for row in printable.wrap_row(line, width, _DETAIL_INDENT + 2)), sys.stdout
+        )
         if archived_count and not everything:
             print(translate(f"{archived_count} older runs are archived: `provision report runs --all` lists them too"))
     return errors.ExitCode.DONE
@@ -80,6 +86,8 @@ def _row(run: Run, site: str, *, is_open: bool) -> dict[str, Any]:
     hosts = start.hosts if start else ()
     return {
         "run": run.id,
+        "at": run.at.isoformat(timespec="seconds") if run.at is not None else None,
+        "invocations": run.invocations,
         "site": site,
         "exit": run.exit,
         "unfinished": is_open,
@@ -99,18 +107,72 @@ def _row(run: Run, site: str, *, is_open: bool) -> dict[str, Any]:
     }
 
 
-def _line(row: dict[str, Any]) -> str:
-    end = f"UNFINISHED, continue: `{row['next']}`" if row["unfinished"] else f"exit code {row['exit']}"
-    devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
-    purpose = f"{translate('emulated devices prepared:')} " if row["prepares"] else ""
-    damage = f"  DAMAGED JOURNAL: {', '.join(row['damage'])}" if row["damage"] else ""
-    return f"{row['run']}  {row['site']:<10} {end}  {purpose}{devices}{damage}"
+_WORST_FIRST = (*errors.WORST_FIRST[:-2], errors.ExitCode.NOTHING, *errors.WORST_FIRST[-2:])
+_DETAIL_INDENT = 4
+_STATES = {
+    "unchanged": "unchanged",
+    "refused": "refused",
+    "rolled-back": "rolled back",
+    "left-as-found": "left as found",
+    "half-adopted": "half adopted",
+}
+
+
+def _groups(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Group the runs by the commands that started or resumed them, oldest first."""
+    from atlantis_netcfg.runs import run_order
+
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in sorted(rows, key=lambda row: run_order(row["run"])):
+        for invocation in row["invocations"]:
+            groups.setdefault(invocation, []).append(row)
+    return groups
+
+
+def _command_lines(store: Store, invocation: str, rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Yield the row of a command, then its runs; runs that changed nothing are counted if there are others."""
+    from datetime import datetime
+
+    at = next((datetime.fromisoformat(row["at"]) for row in rows if row["at"]), None)
+    time = f"{at.astimezone():%Y-%m-%d %H:%M}" if at is not None else " " * 16
+    yield f"{time}  {_verdict(store, invocation, rows)}  {rows[0]['invocations'][invocation]}"
+    notable_rows = [row for row in rows if not _is_quiet(row)] or rows[:1]
+    for row in notable_rows:
+        damage = f"  DAMAGED JOURNAL: {', '.join(row['damage'])}" if row["damage"] else ""
+        purpose = f"{translate('emulated devices prepared:')} " if row["prepares"] else ""
+        devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
+        yield f"{'':<{_DETAIL_INDENT}}{row['run']}  {row['site']}  {purpose}{devices}{damage}"
+        if row["unfinished"]:
+            yield f"{'':<{_DETAIL_INDENT}}" + translate(f"continue: `{row['next']}`")
+    if quiet_count := len(rows) - len(notable_rows):
+        yield f"{'':<{_DETAIL_INDENT}}{translate(f'further runs without changes: {quiet_count}')}"
+
+
+def _verdict(store: Store, invocation: str, rows: Sequence[dict[str, Any]]) -> str:
+    """Return the worst of what the command and its runs ended with: never a code that one of them did not reach."""
+    if any(row["unfinished"] for row in rows):
+        return translate("UNFINISHED")
+    codes = {row["exit"] for row in rows}
+    if "/" not in invocation:
+        codes.add(store.command_exit(invocation))
+    if None in codes:
+        return translate("no result recorded")
+    code = min(codes, key=lambda code: _WORST_FIRST.index(code) if code in _WORST_FIRST else -1)
+    return translate(f"exit code {code}")
+
+
+def _is_quiet(row: dict[str, Any]) -> bool:
+    """Return whether the run ended well, with every device as it was."""
+    statuses = {outcome["status"] for outcome in row["devices"].values()}
+    is_fine = row["exit"] == errors.ExitCode.DONE and not row["unfinished"] and not row["damage"]
+    return is_fine and statuses <= {"unchanged"}
 
 
 def _device(name: str, outcome: dict[str, Any]) -> str:
     """Format a device's status, its confirmed actions, and whether `provision device restore` can use its state."""
-    state_note = ", state kept" if outcome["confirmed_state"] else ""
-    return f"{name} {outcome['status']} ({outcome['confirmed']}{state_note})"
+    state_note = translate(", state kept") if outcome["confirmed_state"] else ""
+    status = _STATES.get(outcome["status"], outcome["status"])
+    return f"{name} {translate(status)} ({outcome['confirmed']}{state_note})"
 
 
 _WORDS = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pwd
 import stat
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,12 @@ if TYPE_CHECKING:
 
 _HINT = "use your own directory: ATLANTIS_STATE=/some/directory provision …"
 _CACHE_HINT = "use your own directory: XDG_CACHE_HOME=/some/directory provision …"
+
+
+INVOCATION = "ATLANTIS_INVOCATION"
+"""Environment variable with the id of the command that a person has typed, for the runs that it starts."""
+COMMANDS = "commands"
+"""Folder with a file for each command that had runs: its exit code, or empty if it is active or was killed."""
 
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -65,6 +72,19 @@ def state_dir(environ: Mapping[str, str] | None = None) -> Path:
 def state_place(environ: Mapping[str, str] | None = None) -> Path:
     """Return the path of the state directory without creating it. Raises UsageError if there is none."""
     return _state_path(os.environ if environ is None else environ)
+
+
+def start_command() -> None:
+    """Give the command that begins an id, which its runs record."""
+    os.environ[INVOCATION] = os.urandom(8).hex()
+
+
+def finish_command(code: int) -> None:
+    """Write the exit code of the command into the files of its runs; if that fails, they show no result for it."""
+    invocation = os.environ.pop(INVOCATION)
+    with suppress(OSError, UsageError):
+        for place in state_place().glob(f"*/{COMMANDS}/{invocation}"):
+            write_atomically(place, str(code).encode())
 
 
 def cache_dir(environ: Mapping[str, str] | None = None) -> Path:

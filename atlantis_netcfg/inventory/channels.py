@@ -1,6 +1,6 @@
 """Radio channels allowed for a directional outdoor Wi-Fi bridge, as data.
 
-5 GHz, both countries alike, because both follow the same harmonised decisions:
+5 GHz, all countries alike, because all follow the same harmonised decisions:
 
 - 5150-5250 MHz: indoors; outdoors only without a fixed outdoor antenna, so never for a bridge.
 - 5250-5350 MHz: indoors only.
@@ -11,8 +11,10 @@
 
 Sources: ECC Decision (04)08 and Commission Implementing Decision (EU) 2022/179 (it replaced 2005/513/EC) for RLANs at
 5 GHz, ETSI EN 301 893; Decision 2006/771/EC and ETSI EN 300 440 for short-range devices; ETSI EN 300 328 for 2.4 GHz;
-the entries PT and BE of wireless-regdb (`db.txt`), which agree with each other and with the above. Channel blocks: IEEE
-802.11, annex E. `frequency` is that of the control channel, as in RouterOS.
+the entries PT and BE of wireless-regdb (`db.txt`), which agree with each other and with the above. The other countries
+of the EU and EFTA apply the same decisions (ERC/REC 70-03, annex 3); their national deviations were not compared, so
+their users are told to ask the authority. Channel blocks: IEEE 802.11, annex E. `frequency` is that of the control
+channel, as in RouterOS.
 """
 
 from __future__ import annotations
@@ -40,13 +42,25 @@ _CEPT_5GHZ = (
     Range(5725, 5875, False, False, 14.0, "5725-5875 MHz is for short-range devices of 25 mW only"),
 )
 _CEPT_2GHZ = (Range(2400, 2483.5, True, True, 20.0, "2400-2483.5 MHz"),)
+_COUNTRIES = (
+    "portugal:PT:Europe/Lisbon,belgium:BE:Europe/Brussels,austria:AT:Europe/Vienna,bulgaria:BG:Europe/Sofia,"
+    "croatia:HR:Europe/Zagreb,cyprus:CY:Asia/Nicosia,denmark:DK:Europe/Copenhagen,estonia:EE:Europe/Tallinn,"
+    "finland:FI:Europe/Helsinki,france:FR:Europe/Paris,germany:DE:Europe/Berlin,greece:GR:Europe/Athens,"
+    "hungary:HU:Europe/Budapest,iceland:IS:Atlantic/Reykjavik,ireland:IE:Europe/Dublin,italy:IT:Europe/Rome,"
+    "latvia:LV:Europe/Riga,lithuania:LT:Europe/Vilnius,luxembourg:LU:Europe/Luxembourg,malta:MT:Europe/Malta,"
+    "netherlands:NL:Europe/Amsterdam,norway:NO:Europe/Oslo,poland:PL:Europe/Warsaw,romania:RO:Europe/Bucharest,"
+    "slovakia:SK:Europe/Bratislava,slovenia:SI:Europe/Ljubljana,spain:ES:Europe/Madrid,"
+    "sweden:SE:Europe/Stockholm,switzerland:CH:Europe/Zurich"
+)
+_ROWS = [row.split(":") for row in _COUNTRIES.split(",")]
+COUNTRY_CODES: dict[str, str] = {name: code for name, code, _ in _ROWS}
+"""Country name in RouterOS to its ISO 3166-1 code, as used by Linux."""
+TIME_ZONES: dict[str, str] = {name: zone for name, _, zone in _ROWS}
+"""Country name in RouterOS to the time zone of its capital."""
 RANGES: dict[str, dict[str, tuple[Range, ...]]] = {
-    "portugal": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
-    "belgium": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
+    country: {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ} for country in COUNTRY_CODES
 }
 """Country name in RouterOS to ranges by band."""
-COUNTRY_CODES: dict[str, str] = {"portugal": "PT", "belgium": "BE"}
-"""Country name in RouterOS to its ISO 3166-1 code, as used by Linux."""
 CHANNELS: dict[str, tuple[int, ...]] = {
     "2ghz": tuple(range(2412, 2473, 5)),
     "5ghz": (*range(5180, 5321, 20), *range(5500, 5721, 20), *range(5745, 5866, 20)),

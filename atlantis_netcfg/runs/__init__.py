@@ -1,6 +1,7 @@
 """Journals, states and pins, kept on disk so that a kill at any moment loses nothing.
 
     <state>/<real|rehearsal>/pins.json                          certificates and SSH host keys, by device
+    <state>/<real|rehearsal>/commands/<invocation>              exit code of a command with runs; empty until it ends
     <state>/<real|rehearsal>/<site>/lock                        the process that works on the site now
     <state>/<real|rehearsal>/<site>/runs/<run>/journal.jsonl    one record per line, each on disk before the next step
     <state>/<real|rehearsal>/<site>/runs/<run>/before/<device>.rsc   the device's state before the run's first change

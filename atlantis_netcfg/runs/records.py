@@ -76,6 +76,8 @@ class RunStart:
     """It only prepared fresh emulated devices for another command; `latest` skips it: its old state is not needed."""
     by: str = ""
     """Adoption: user and computer name of the operator, as set there; empty: not recorded."""
+    invocation: str = ""
+    """Id of the command line that started it; empty: not recorded, as in journals of earlier versions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +88,7 @@ class RunResume:
     revision: str
     tool: str
     command: str
+    invocation: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

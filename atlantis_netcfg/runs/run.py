@@ -87,6 +87,13 @@ class Run:
         return next((record for record in self.log.records if isinstance(record, RunStart)), None)
 
     @property
+    def invocations(self) -> dict[str, str]:
+        """Commands that started or resumed the run, by invocation; those without an id by site and run."""
+        name = f"{self.directory.parent.parent.name}/{self.id}"
+        starts = (record for record in self.log.records if isinstance(record, RunStart | RunResume))
+        return {record.invocation or name: record.command for record in starts} or {name: ""}
+
+    @property
     def at(self) -> datetime | None:
         """Start time of the run; None if there is no record."""
         return self.log.entries[0].at if self.log.entries else None

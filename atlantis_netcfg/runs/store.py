@@ -9,12 +9,12 @@ import os
 import socket
 import time
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 from typing import TYPE_CHECKING, Self
 
-from atlantis_netcfg.core import atomic_files
+from atlantis_netcfg.core import atomic_files, paths
 from atlantis_netcfg.core.eventlog import write_all
 from atlantis_netcfg.runs import files
 from atlantis_netcfg.runs.log import Journal, utc_now
@@ -240,15 +240,30 @@ class Store:
         journal = Journal(directory, self._now)
         with files.os_errors_as("the journal", directory):
             atomic_files.sync_directory(directory)
-        journal.write(start_record)
+        journal.write(replace(start_record, invocation=self._register_command()))
         self._archive(start_record.site)
         return journal
 
     def resume(self, site: str, run: str, resume_record: RunResume) -> Journal:
         """Reopen the journal of an old run. Raises NoSuchRun, JournalError."""
         journal = Journal(self.run(site, run).directory, self._now)
-        journal.write(resume_record)
+        journal.write(replace(resume_record, invocation=self._register_command()))
         return journal
+
+    def command_exit(self, invocation: str) -> int | None:
+        """Return the exit code of a command that had runs; None: not recorded, still active or killed."""
+        with suppress(OSError, ValueError):
+            return int((self.root / paths.COMMANDS / files.component(invocation)).read_text("ascii"))
+        return None
+
+    def _register_command(self) -> str:
+        """Create the file for the exit code of the current command; return its invocation, empty without one."""
+        if invocation := os.environ.get(paths.INVOCATION, ""):
+            place = self.root / paths.COMMANDS / files.component(invocation)
+            with files.os_errors_as("the journal", place):
+                files.make_private(place.parent)
+                place.touch(mode=0o600)
+        return invocation
 
     def run(self, site: str, run: str) -> Run:
         """Return one run by name. Raises NoSuchRun."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from atlantis_netcfg.inventory.model._base import (
     Access,
     Address,
+    Country,
     Currency,
     Day,
     DnsName,
@@ -195,6 +196,7 @@ __all__ = [
     "ComputerNetwork",
     "ConnectionTest",
     "ControlCentre",
+    "Country",
     "Cpe",
     "Currency",
     "Day",

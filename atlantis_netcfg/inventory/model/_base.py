@@ -315,6 +315,16 @@ class Transport(StrEnum):
     TCP = "tcp"
 
 
+Country = Literal[  # noqa: RUF041 - flat, it is formatted as 29 lines
+    Literal["portugal", "belgium", "austria", "bulgaria", "croatia", "cyprus", "denmark"],
+    Literal["estonia", "finland", "france", "germany", "greece", "hungary", "iceland"],
+    Literal["ireland", "italy", "latvia", "lithuania", "luxembourg", "malta", "netherlands"],
+    Literal["norway", "poland", "romania", "slovakia", "slovenia", "spain", "sweden"],
+    Literal["switzerland"],
+]
+"""Country with known radio rules, by its name in RouterOS."""
+
+
 class WifiRadio(Model):
     """Settings of a radio that others join."""
 
@@ -328,7 +338,7 @@ class WifiRadio(Model):
     """Centre of the channel, in MHz; it must be one that the country allows."""
     width_mhz: Literal[20, 40, 80] = 20
     """Of the channel, in MHz."""
-    country: Literal["portugal", "belgium"]
+    country: Country
     """Regulatory domain, the one of the pilot."""
     outdoor: StrictBool = True
     """Whether the antennas stand outdoors: some channels are for indoors only."""

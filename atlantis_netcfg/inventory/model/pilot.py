@@ -188,8 +188,8 @@ class Pilot(_base.Model):
     """What the pilot is called in reports."""
     example_values: StrictBool
     """True while the inventory holds the shipped example values: only rehearsals may use them."""
-    country: Literal["portugal", "belgium"]
-    """Regulatory domain of the radios, RouterOS' own word."""
+    country: _base.Country
+    """Regulatory domain of the radios, as RouterOS names it; ask its authority for national deviations."""
     time_zone: _base.Text
     """Name of the IANA database; the clocks of all devices show it."""
     time_servers: Annotated[tuple[TimeServer, ...], Field(min_length=1)]

@@ -195,7 +195,7 @@ class PilotAnswers(Model):
 
     name: model.Text
     """Display name of the pilot."""
-    country: Literal["portugal", "belgium"]
+    country: model.Country
     """Regulatory domain of the radios."""
     time_zone: model.Text | None = None
     """Name from the IANA database; None: the country's time zone."""

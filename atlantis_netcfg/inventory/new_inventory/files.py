@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.inventory import model
+from atlantis_netcfg.inventory import channels, model
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
 from atlantis_netcfg.inventory.json_schema import modeline
 from atlantis_netcfg.inventory.new_inventory import yaml_text
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
         SiteAnswers,
     )
 
-ZONES = {"portugal": "Europe/Lisbon", "belgium": "Europe/Brussels"}
 _PORTS = 8
 _CERTUS = {"rtt_ms": 700, "up_kbps": 352, "down_kbps": 704}
 """Rates of Iridium Certus for the report's terminal."""
@@ -165,7 +164,7 @@ def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, yaml_t
         "name": answers.pilot.name,
         "example_values": example_values,
         "country": answers.pilot.country,
-        "time_zone": answers.pilot.time_zone or ZONES[answers.pilot.country],
+        "time_zone": answers.pilot.time_zone or channels.TIME_ZONES[answers.pilot.country],
         "time_servers": [
             {"name": name, "address": value_or_example(server, example[1])}
             for name, server in zip(names, servers, strict=True)

@@ -173,7 +173,7 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
         stopped_at_the_end,
         "`provision report runs` shows what was confirmed, and how to continue an unfinished run",
         0,
-        "UNFINISHED, continue: `provision recover resume site=coastal run=",
+        "continue: `provision recover resume site=coastal run=",
     ),
 }
 

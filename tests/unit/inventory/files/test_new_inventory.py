@@ -48,6 +48,14 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("answers.yml").write_text(LEAST, encoding="utf-8")
 
 
+@pytest.mark.parametrize(("country", "zone"), [("spain", "Europe/Madrid"), ("cyprus", "Asia/Nicosia")])
+def test_inventory_of_another_european_country_is_valid(country: str, zone: str) -> None:
+    Path("answers.yml").write_text(LEAST.replace("belgium", country), encoding="utf-8")
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    pilot = load(Path("douro")).pilot
+    assert (pilot.country, pilot.time_zone) == (country, zone)
+
+
 def test_unanswered_values_are_omitted_or_marked_as_examples(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
     said = capsys.readouterr().out.splitlines()
@@ -131,11 +139,11 @@ def test_empty_folder_is_accepted() -> None:
 
 def test_invalid_answers_are_reported_with_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
     Path("answers.yml").write_text(
-        "pilot: {name: Douro, country: spain}\nsites:\n  pier:\n    lan: 10.0.0.0/30\n    lte: {}\n", encoding="utf-8"
+        "pilot: {name: Douro, country: brazil}\nsites:\n  pier:\n    lan: 10.0.0.0/30\n    lte: {}\n", encoding="utf-8"
     )
     assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
     said = capsys.readouterr().err.splitlines()
-    assert said[0].startswith("answers.yml:1:31: `spain` is not a valid value for `country`")
+    assert said[0].startswith("answers.yml:1:31: `brazil` is not a valid value for `country`")
     assert said[2:4] == ["answers.yml:4:10: 10.0.0.0/30 is too small here", "  -> use a network of /26 or larger"]
     assert said[-1] == "2 errors in the answers; nothing was written"
     assert not Path("douro").exists()

@@ -1,9 +1,24 @@
+import zoneinfo
+from typing import get_args
+
 import pytest
 
-from atlantis_netcfg.inventory.channels import BANDS, RANGES, WIDTHS, is_channel, legal, why_illegal
+from atlantis_netcfg.emulator.routeros.radio._law import find_rule
+from atlantis_netcfg.inventory.channels import (
+    BANDS,
+    COUNTRY_CODES,
+    RANGES,
+    TIME_ZONES,
+    WIDTHS,
+    eirp_dbm,
+    is_channel,
+    legal,
+    why_illegal,
+)
+from atlantis_netcfg.inventory.model import Country
 
 
-@pytest.mark.parametrize("country", ["portugal", "belgium"])
+@pytest.mark.parametrize("country", ["portugal", "belgium", "spain", "greece", "norway"])
 @pytest.mark.parametrize(
     ("width", "channels"),
     [
@@ -61,7 +76,17 @@ def test_a_is_5_ghz_and_g_is_2_4_ghz() -> None:
 
 def test_tables_cover_the_model_values() -> None:
     assert BANDS.keys() == WIDTHS.keys()
-    assert {country: set(bands) for country, bands in RANGES.items()} == {
-        "portugal": {"2ghz", "5ghz"},
-        "belgium": {"2ghz", "5ghz"},
-    }
+    countries = {country for names in get_args(Country) for country in get_args(names) or (names,)}
+    assert {"portugal", "belgium", "spain", "norway"} < countries
+    assert RANGES.keys() == countries
+    assert all(bands.keys() == {"2ghz", "5ghz"} for bands in RANGES.values())
+    assert COUNTRY_CODES.keys() == TIME_ZONES.keys() == countries
+    assert sorted(len(code) for code in {*COUNTRY_CODES.values()}) == [2] * len(countries)
+    assert {*TIME_ZONES.values()} <= zoneinfo.available_timezones()
+
+
+def test_emulated_radios_know_every_country() -> None:
+    for country in COUNTRY_CODES:
+        rule = find_rule(country, 5500, "20mhz", outdoor=True)
+        assert rule is not None
+        assert rule.eirp_dbm == eirp_dbm(country, "5ghz", 5500, 20, outdoors=True)
