@@ -137,6 +137,7 @@ SHOWN_NAMES = _set("""
 MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
 MADE = (
+    "not root",
     "the modem of {name} is listening",
     "{who} is transmitting",
     "{who} is receiving",
