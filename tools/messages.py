@@ -137,6 +137,7 @@ SHOWN_NAMES = _set("""
 MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
 MADE = (
+    "not root",
     "the modem of {name} is listening",
     "{who} is transmitting",
     "{who} is receiving",
@@ -426,7 +427,7 @@ class _Reader(ast.NodeVisitor):
         for place, argument in enumerate(node.args):
             self._inside(argument, sure=shown and not (name in {"Word", "Flag", "CommandSpec", "Event"} and place == 0))
         for keyword in node.keywords:
-            if keyword.arg not in NOT_KEYWORDS:
+            if keyword.arg not in NOT_KEYWORDS or name == "CommandSpec":  # its flags are options, with a help each
                 self._inside(keyword.value, sure=keyword.arg in SHOWN_KEYWORDS)
 
     def _inside(self, node: ast.expr, *, sure: bool) -> None:

@@ -32,7 +32,7 @@ ADOPT = syntax.CommandSpec(
     "prepare a factory-state router for `provision site=…`",
     words=(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
-        syntax.Word("device", "site of the router", is_required=True, example="coastal-router"),
+        syntax.Word("device", "the router", is_required=True, example="coastal-router"),
         syntax.Word("via", "`ssh`, or the serial port of the router", example="serial:/dev/ttyUSB0"),
         syntax.Word("address", "current address, if not 192.168.88.1", example="192.168.88.1"),
         syntax.Word("password-file", "file (mode 0600) with the factory user's password", example="sticker.txt"),
@@ -40,12 +40,10 @@ ADOPT = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("plan", "look at the device, show the steps, change nothing", harmless=True),
-        syntax.Flag("rehearse", "the same against an emulated router that comes out of its box", harmless=True),
-        syntax.Flag("take-over", "also a router that somebody has configured; its export is saved first"),
-        syntax.Flag(
-            "replaced", "it is another box than before, or was reset: forget the certificate and host key of before"
-        ),
+        syntax.Flag("plan", "read the device and show the steps, change nothing", harmless=True),
+        syntax.Flag("rehearse", "use an emulated router in factory state", harmless=True),
+        syntax.Flag("take-over", "also a configured router; its export is saved first"),
+        syntax.Flag("replaced", "replaced or reset device: forget its old certificate and host key"),
         syntax.Flag("yes", "do not ask before changing the router"),
         syntax.ASK_VAULT_PASS,
         syntax.JSON,

@@ -24,8 +24,8 @@ ASBUILT = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("labels", "also a sheet of labels with QR codes, one for each device and each port"),
-        syntax.Flag("rehearse", "the same with emulated devices of the site, configured first"),
+        syntax.Flag("labels", "also make a sheet of QR code labels for devices and ports"),
+        syntax.Flag("rehearse", "use emulated devices of the site, configured first"),
         syntax.PROFILE,
         syntax.ACCEPT_COST,
         syntax.ASK_VAULT_PASS,

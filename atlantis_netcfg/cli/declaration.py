@@ -28,7 +28,7 @@ VALIDATE = syntax.CommandSpec(
     "check the inventory; list every error with file and line",
     words=(syntax.INVENTORY,),
     flags=(
-        syntax.Flag("examples", "list every example value that nobody has replaced yet, with its place"),
+        syntax.Flag("examples", "list example values still to be replaced, and where they are"),
         syntax.JSON,
     ),
     details="No device is contacted, and no vault password is needed: vaulted secrets are not decrypted.",

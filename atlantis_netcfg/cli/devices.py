@@ -33,10 +33,8 @@ DRIFT = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("junit", "write a JUnit file for a build server: a suite a device, a case a menu", takes="FILE"),
-        syntax.Flag(
-            "rehearse", "the same against emulated devices of the site, as they are after `provision device adopt`"
-        ),
+        syntax.Flag("junit", "write a JUnit file: one suite per device, one case per menu", takes="FILE"),
+        syntax.Flag("rehearse", "use emulated devices, as after `provision device adopt`"),
         syntax.PROFILE,
         syntax.ACCEPT_COST,
         syntax.ASK_VAULT_PASS,
@@ -137,7 +135,7 @@ BACKUP = syntax.CommandSpec(
     flags=(
         syntax.Flag(
             "rehearse",
-            "the same against emulated devices of the site, as they are after `provision device adopt`",
+            "use emulated devices, as after `provision device adopt`",
             harmless=True,
         ),
         syntax.PROFILE,
@@ -180,9 +178,9 @@ VERIFY = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("try", "also what needs a write: scratch rows under safe mode, taken back at once"),
-        syntax.Flag("silence", "also what takes ten minutes: a session that holds safe mode and falls silent"),
-        syntax.Flag("rehearse", "the same with the emulated device", harmless=True),
+        syntax.Flag("try", "also test writing: rows under safe mode, removed at once"),
+        syntax.Flag("silence", "also test a session that goes silent in safe mode (10 minutes)"),
+        syntax.Flag("rehearse", "use an emulated device", harmless=True),
         syntax.PROFILE,
         syntax.ACCEPT_COST,
         syntax.ASK_VAULT_PASS,
@@ -310,8 +308,8 @@ RESTORE = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
-        syntax.Flag("rehearse", "the same on an emulated device, fresh from `provision device adopt`", harmless=True),
+        syntax.Flag("plan", "show changes and their cost, change nothing", harmless=True),
+        syntax.Flag("rehearse", "use an emulated device, as after `provision device adopt`", harmless=True),
         syntax.PROFILE,
         syntax.Flag("yes", "do not ask before changing the device"),
         *syntax.CHANGE,
@@ -390,8 +388,8 @@ UPGRADE = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("plan", "show what would happen and what it costs, change nothing", harmless=True),
-        syntax.Flag("rehearse", "the same against the emulated device", harmless=True),
+        syntax.Flag("plan", "show the steps and their cost, change nothing", harmless=True),
+        syntax.Flag("rehearse", "use an emulated device", harmless=True),
         syntax.PROFILE,
         syntax.Flag("yes", "do not ask before sending and rebooting"),
         syntax.ACCEPT_COST,

@@ -34,9 +34,9 @@ _PLAN = syntax.Flag("plan", "only show the steps", harmless=True)
 
 GUEST_ADD = syntax.CommandSpec(
     "robot invite",
-    "add a visiting robot: inventory, checklist, VPN access, DDS",
+    "add a visiting robot: inventory, checklist, VPN, DDS",
     words=(
-        syntax.Word("name", "its key in the inventory and its VPN device name", is_required=True, example="lauv"),
+        syntax.Word("name", "its name in the inventory and in the VPN", is_required=True, example="lauv"),
         syntax.Word("partner", "owner of the robot", is_required=True, example="iqua"),
         syntax.Word("kind", "type of robot", is_required=True, choices=("auv", "asv", "uav", "rov")),
         syntax.Word(
@@ -48,16 +48,16 @@ GUEST_ADD = syntax.CommandSpec(
         syntax.Word("site", "test site", is_required=True, many=True, example="coastal"),
         syntax.Word(
             "cells",
-            "its equipment, confirmed by a person until `endpoints` are set",
+            "its equipment",
             is_required=True,
             many=True,
             choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet"),
         ),
         syntax.Word("title", "display name (default: its name)", example="LAUV"),
-        syntax.Word("link", "slowest link of its tunnel: fibre (default), 4g, satellite", example="satellite"),
-        syntax.Word("distribution", "ROS 2: foxy, humble or jazzy (default: that of the pilot)", example="humble"),
-        syntax.Word("openvpn", "OpenVPN: 2.4, 2.5, 2.6 or 2.7 (default: from its ROS 2)", example="2.6"),
-        syntax.Word("recipient", "encrypt to this age key or key file, not with a passphrase"),
+        syntax.Word("link", "slowest link: fibre (default), 4g, satellite", example="satellite"),
+        syntax.Word("distribution", "ROS 2: foxy, humble or jazzy (default: the pilot's)", example="humble"),
+        syntax.Word("openvpn", "OpenVPN: 2.4 to 2.7 (default: from its ROS 2)", example="2.6"),
+        syntax.Word("recipient", "encrypt to this age key (or file), not with a passphrase"),
         syntax.Word("contact", "contact of the owner, for the instructions page", example="'Ana, +351 210 000 000'"),
         syntax.Word("to", "also copy the file to this folder", example="/media/usb"),
         CLOCK,
@@ -66,8 +66,8 @@ GUEST_ADD = syntax.CommandSpec(
     ),
     flags=(_PLAN, NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
-        "Writes only guests.yml of the inventory, after validating the whole inventory. Repeating the command "
-        "changes nothing, and completes an interrupted run. Exit code 2: `--plan` found changes."
+        "Writes only guests.yml of the inventory. A person confirms the equipment until `endpoints` are set. "
+        "Repeating the command completes an interrupted run. Exit code 2: `--plan` found changes."
     ),
     changes=True,
     again=_AGAIN,
@@ -270,7 +270,7 @@ GUEST_END = syntax.CommandSpec(
         AUTHORITY,
         syntax.INVENTORY,
     ),
-    flags=(_PLAN, syntax.Flag("yes", "do not ask before it is cut off"), NO_PUSH, PASSPHRASE_FD, syntax.JSON),
+    flags=(_PLAN, syntax.Flag("yes", "do not ask before revoking its access"), NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
         "Signed checklists and the VPN record are kept. Exit code 5: all is recorded and removed here, but the "
         "server is not updated yet; connected devices stay connected until `provision vpn sync`."

@@ -7,11 +7,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load, summary_of
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -138,7 +138,7 @@ def _columns(rows: Iterable[tuple[str, str]], width: int = 0) -> list[str]:
     width = width or max((len(left) for left, _ in table if len(left) <= _COLUMN), default=_COLUMN)
     lines: list[str] = []
     for left, right in table:
-        first, *others = _fill(right, WIDTH - width - 4) or [""]
+        first, *others = printable.fill(right, WIDTH - width - 4) or [""]
         if len(left) > width:
             lines += [f"  {left}", f"  {'':<{width}}  {first}"]
         else:
@@ -148,19 +148,7 @@ def _columns(rows: Iterable[tuple[str, str]], width: int = 0) -> list[str]:
 
 
 def _paragraph(text: str) -> list[str]:
-    return _fill(translate(text), WIDTH)
-
-
-_NO_BREAK = "\xa0"
-
-
-def _fill(text: str, width: int) -> list[str]:
-    """Wrap text without breaking words or commands between back quotes."""
-    from textwrap import wrap
-
-    together = re.sub(r"`[^`]*`", lambda match: match[0].replace(" ", _NO_BREAK), text)
-    lines = wrap(together, width, break_long_words=False, break_on_hyphens=False)
-    return [line.replace(_NO_BREAK, " ") for line in lines]
+    return printable.fill(translate(text), WIDTH)
 
 
 VERSION = syntax.CommandSpec(

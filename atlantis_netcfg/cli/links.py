@@ -35,7 +35,7 @@ LINKS = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("rehearse", "the same with emulated devices of the site, configured first"),
+        syntax.Flag("rehearse", "use emulated devices of the site, configured first"),
         syntax.PROFILE,
         syntax.ACCEPT_COST,
         syntax.ASK_VAULT_PASS,
@@ -108,14 +108,12 @@ PROVE = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag(
-            "open-filter", "open the router's filter for one host at a time: does the terminal enforce anything?"
-        ),
+        syntax.Flag("open-filter", "open the router's filter per host, to test the terminal's own filter"),
         syntax.Flag(
             "try-all",
-            "also try the VPN over an idle link, TCP targets and the time: rows are added under safe mode and removed",
+            "also test the VPN over an idle link, TCP targets and time (rows under safe mode, removed afterwards)",
         ),
-        syntax.Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
+        syntax.Flag("rehearse", "use an emulated router, configured first", harmless=True),
         syntax.PROFILE,
         syntax.ACCEPT_COST,
         syntax.ASK_VAULT_PASS,

@@ -39,7 +39,7 @@ IMAGE = syntax.CommandSpec(
     ),
     flags=(
         syntax.Flag(
-            "image-only", "keep the customised image as a new file, touch no card", takes="FILE", harmless=True
+            "image-only", "write the customised image to a new file, not to a card", takes="FILE", harmless=True
         ),
         syntax.Flag("yes", "with `serial=`: do not ask before writing"),
         syntax.JSON,

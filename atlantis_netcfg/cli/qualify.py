@@ -25,37 +25,35 @@ if TYPE_CHECKING:
 
 QUALIFY = syntax.CommandSpec(
     "measure link",
-    "measure whether a link carries the mission: delay, loss, rates",
+    "measure delay, loss and rates of a link",
     words=(
         syntax.Word(
             "site",
-            "site whose LAN or management network this computer is in",
+            "site in whose LAN or management network you are",
             is_required=True,
             example="coastal",
         ),
         syntax.Word("link", "the link, or `all` (optional if the site has only one)", example="satellite"),
         syntax.Word(
             "profile",
-            "test traffic: messages, images, maximum, all (default: telemetry)",
+            "test traffic, by default telemetry",
             choices=("telemetry", "images", "throughput", "all"),
         ),
-        syntax.Word("over", "`vpn`: through this computer's tunnel, routed over the link", choices=("vpn",)),
+        syntax.Word("over", "`vpn`: through this computer's tunnel over the link", choices=("vpn",)),
         syntax.Word(
             "far",
-            "STAMP reflector (RFC 8762) instead of the far end; telemetry only",
+            "STAMP reflector (RFC 8762) as far end; telemetry only",
             example="192.0.2.7",
         ),
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("max-mb", "stop before more has passed, both ways together, in 10^6 bytes", takes="N"),
-        syntax.Flag(
-            "max-eur", "stop before it costs more; the tariff of the link has to be declared, in EUR", takes="X"
-        ),
-        syntax.Flag("max-minutes", "stop before it takes longer", takes="M"),
+        syntax.Flag("max-mb", "stop before N MB (10^6 bytes), both directions together", takes="N"),
+        syntax.Flag("max-eur", "stop before it costs X EUR (needs the link's tariff in EUR)", takes="X"),
+        syntax.Flag("max-minutes", "stop after M minutes at most", takes="M"),
         syntax.Flag(
             "rehearse",
-            "the same with an emulated router, link and far end; over a slow link it takes minutes",
+            "use emulated router, link and far end (takes minutes)",
             harmless=True,
         ),
         syntax.PROFILE,

@@ -38,14 +38,14 @@ RETRIEVE = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("plan", "say what it takes and costs, send nothing", harmless=True),
-        syntax.Flag("leave", "begin, and do not wait for its end"),
+        syntax.Flag("plan", "show duration and cost, send nothing", harmless=True),
+        syntax.Flag("leave", "start, do not wait for the end"),
         syntax.Flag(
             "rehearse",
-            "the same on this computer: both programs, an emulated link that is cut, and made recordings",
+            "on this computer: emulated link, generated recordings",
             harmless=True,
         ),
-        syntax.Flag("again", "also compare what was retrieved before, and send again what differs"),
+        syntax.Flag("again", "also compare earlier files, and resend those that differ"),
         syntax.ACCEPT_COST,
         syntax.ASK_VAULT_PASS,
         syntax.JSON,

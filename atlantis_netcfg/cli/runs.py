@@ -25,8 +25,8 @@ RUNS = syntax.CommandSpec(
     "list past and unfinished runs",
     words=(syntax.Word("site", "only the runs of this site", example="coastal"),),
     flags=(
-        syntax.Flag("rehearse", "the runs of rehearsals instead of real ones"),
-        syntax.Flag("all", "also those that were put aside, since nothing is open in them and later ones followed"),
+        syntax.Flag("rehearse", "list rehearsals instead of real runs"),
+        syntax.Flag("all", "also list runs that later runs have settled"),
         syntax.JSON,
     ),
 )
@@ -217,7 +217,7 @@ PLAN = syntax.CommandSpec(
     words=_WORDS,
     flags=(
         syntax.SUMMARY,
-        syntax.Flag("save", "keep the plan in a file, for `provision plan apply`", takes="FILE"),
+        syntax.Flag("save", "save the plan to a file, for `provision plan apply`", takes="FILE"),
         _REHEARSE,
         syntax.PROFILE,
         _OFFLINE,

@@ -26,9 +26,9 @@ USE = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("unproved", "also a link that is down, or of which nobody has seen that it works"),
-        syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
-        syntax.Flag("rehearse", "the same with an emulated router: there, and back by itself", harmless=True),
+        syntax.Flag("unproved", "allow a link that is down or not tested yet"),
+        syntax.Flag("plan", "show changes and their cost, change nothing", harmless=True),
+        syntax.Flag("rehearse", "use an emulated router, including the automatic return", harmless=True),
         syntax.PROFILE,
         syntax.Flag("yes", "do not ask before changing the router"),
         syntax.ACCEPT_COST,
@@ -38,9 +38,9 @@ USE = syntax.CommandSpec(
         syntax.VERBOSE,
     ),
     details=(
-        "The router ends it with a scheduler job that is part of the change: nobody has to return. A restart of "
-        "the router ends it, too. Failover stays active: if the link fails, the next one in the inventory takes "
-        "over.\nRun it again to change the duration or the link. It needs a router that may run scheduler jobs."
+        "The router ends it by itself with a scheduler job (it must be allowed to run them); a restart ends it,"
+        " too. Failover stays active: if the link fails, the next one in the inventory takes over. Run it again"
+        " to change the duration or the link."
     ),
     changes=True,
     plays=True,

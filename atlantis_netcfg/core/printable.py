@@ -74,9 +74,15 @@ class Printer:
         """Underlying stream, for code that draws on the terminal and filters its text itself."""
 
     def write(self, text: str, /) -> int:
-        """Write the escaped text; return the length of the original."""
-        self.stream.write(lines(text))
+        """Write the escaped text, on a terminal wrapped between words; return the length of the original."""
+        self.stream.write(wrap_lines(lines(text), self._width()))
         return len(text)
+
+    def _width(self) -> int:
+        try:
+            return os.get_terminal_size(self.stream.fileno()).columns if self.stream.isatty() else 0  # type: ignore[attr-defined] # of any stream
+        except (AttributeError, OSError, ValueError):
+            return 0
 
     def writelines(self, texts: Any, /) -> None:  # noqa: ANN401 - any iterable of texts
         """Write all texts."""
@@ -137,6 +143,43 @@ def plain(row: Row) -> str:
     """Return the text of a line without styles."""
     pieces = row if isinstance(row, tuple) else (row,)
     return "".join(piece if isinstance(piece, str) else piece.text for piece in pieces)
+
+
+_NO_BREAK = "\xa0"
+_COMMAND = re.compile(r"`[^`]*`")
+_SHELL_WORD = re.compile(r"'[^']*'")
+
+
+def fill(text: str, width: int, indent: str = "", together: re.Pattern[str] = _COMMAND) -> list[str]:
+    """Wrap text without breaking words or what matches `together`: commands between back quotes."""
+    from textwrap import wrap  # noqa: PLC0415 - not needed where every line is short
+
+    glued = together.sub(lambda match: match[0].replace(" ", _NO_BREAK), text)
+    parts = wrap(glued, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return [part.replace(_NO_BREAK, " ") for part in parts]
+
+
+def fill_command(command: str, width: int) -> list[str]:
+    """Wrap a command so that a shell accepts it as pasted: lines but the last end with a backslash."""
+    *first, last = fill(command, width - 2, together=_SHELL_WORD)
+    return [*(f"{line} \\" for line in first), last]
+
+
+def wrap_lines(text: str, width: int) -> str:
+    """Wrap the lines longer than `width` columns (0: unlimited), each at its own indent."""
+    if not width or all(len(line) <= width for line in text.split("\n")):
+        return text
+    return "\n".join(part for line in text.split("\n") for part in _wrap_line(line, width))
+
+
+def _wrap_line(line: str, width: int) -> list[str]:
+    words = line.lstrip()
+    indent = line[: len(line) - len(words)]
+    if len(line) <= width or not words or words[0] in '"{[':  # JSON stays as it is
+        return [line]
+    if re.match(r"(?:\./)?provision ", words):
+        return [f"{indent}{part}" for part in fill_command(words, width - len(indent))]
+    return fill(line, width, indent)
 
 
 def wrap_row(row: Row, width: int, indent: int) -> list[Row]:

@@ -26,6 +26,18 @@ _VALUES = {
     "partner": inventory_names.Values.PARTNER,
 }
 """Argument name -> kind of its values in every command."""
+_PLACEHOLDERS = {
+    "address": "IP",
+    "authority": "DIR",
+    "contact": "TEXT",
+    "distribution": "ROS",
+    "endpoint": "NAME",
+    "inventory": "DIR",
+    "openvpn": "N.N",
+    "recipient": "KEY",
+    "system": "OS",
+}
+"""Argument name -> what help prints for its value, where the name in capitals is too long for the table."""
 _LONG = 30
 """Choices that are longer than this are printed in the description of an argument, not in its usage."""
 
@@ -54,7 +66,8 @@ class Word:
     def usage(self) -> str:
         """The argument as printed in help."""
         choices = "|".join(self.choices)
-        value = self.name.upper() if not choices or len(choices) > _LONG else choices
+        short = _PLACEHOLDERS.get(self.name, self.name.upper())
+        value = short if not choices or len(choices) > _LONG else choices
         return f"{self.name}={value}{',…' if self.many else ''}"
 
     @property
@@ -83,21 +96,19 @@ class Flag:
         return f"-{self.short}, --{self.name}{value}" if self.short else f"--{self.name}{value}"
 
 
-INVENTORY = Word("inventory", "inventory folder (default: this checkout's, else ./inventory)")
+INVENTORY = Word("inventory", "inventory folder (default: checkout's, or ./inventory)")
 DEVICES = Word("device", "only these devices of the site", many=True, example="coastal-router")
 VIA = Word("via", "the link you work over, if not the one in the inventory", example="4g")
 JSON = Flag("json", "print one JSON object instead of text, also on errors")
-STREAM = Flag(
-    "stream", "with --json: also one line for each device as soon as it has ended; the object is the last line"
-)
+STREAM = Flag("stream", "for `--json`: also one line per device when it ends; the object comes last")
 WITHOUT_PROTECTION = Flag("without-protection", "change a device even without automatic rollback")
 ACCEPT_COST = Flag("accept-cost", "accept traffic over a metered link (`--yes` does not)")
 REMOVE_FOREIGN = Flag(
     "remove-foreign",
-    "remove hundreds of foreign rows from managed menus (`--yes` does not)",
+    "remove hundreds of foreign rows (`--yes` does not)",
 )
 ASK_VAULT_PASS = Flag("ask-vault-pass", "ask for the vault password, even if a file is set for it")
-PROFILE = Flag("profile", "with --rehearse: over the link that a run of `provision measure link` measured", takes="RUN")
+PROFILE = Flag("profile", "for `--rehearse`: link as measured by `measure link`", takes="RUN")
 SUMMARY = Flag("summary", "only the number of changes for each device, and the cost")
 VERBOSE = Flag("verbose", "show details of each step", short="v")
 YES = Flag("yes", "do not ask before changing devices")

@@ -44,10 +44,10 @@ CHECK = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("answers", "take consents and confirmations from this file, and ask nobody", takes="FILE"),
-        syntax.Flag("anew", "begin again, where an interrupted checklist would go on"),
+        syntax.Flag("answers", "read consents and confirmations from this file, ask nobody", takes="FILE"),
+        syntax.Flag("anew", "start a new checklist, do not continue the interrupted one"),
         syntax.Flag("sign-as", "sign with this name when nothing is open, without asking", takes="NAME"),
-        syntax.Flag("rehearse", "the same with emulated vehicles and devices of the site"),
+        syntax.Flag("rehearse", "use emulated vehicles and devices of the site"),
         syntax.PROFILE,
         syntax.ACCEPT_COST,
         syntax.ASK_VAULT_PASS,
@@ -192,7 +192,7 @@ REPORT_SHOW = syntax.CommandSpec(
         syntax.Word("site", "the site", is_required=True, example="coastal"),
         syntax.Word("run", "which checklist (default: the newest)", example="20260504T093000Z"),
     ),
-    flags=(syntax.Flag("rehearse", "one of a rehearsal instead of a real one"), syntax.JSON),
+    flags=(syntax.Flag("rehearse", "a checklist of a rehearsal, not a real one"), syntax.JSON),
     details=(
         "Exit code as for the checklist: 0: every item passed or was overridden, 6: not all, 7: nothing was checked."
     ),

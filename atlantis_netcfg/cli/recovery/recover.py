@@ -16,7 +16,7 @@ RECOVER = syntax.CommandSpec(
     "recover",
     "show unfinished runs; resume a run or roll it back",
     words=(syntax.Word("site", "only the runs of this site", example="coastal"),),
-    flags=(syntax.Flag("rehearse", "the runs of rehearsals instead of real ones"), syntax.JSON),
+    flags=(syntax.Flag("rehearse", "list rehearsals instead of real runs"), syntax.JSON),
     details=(
         "Reads data stored on this computer; no device is contacted. On a terminal it asks which command to run. "
         "`provision recover resume` finds runs that another computer left unfinished on the devices of a site."

@@ -29,12 +29,8 @@ RESUME = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag(
-            "plan", "show what would change and what it costs, change nothing, wait for nothing", harmless=True
-        ),
-        syntax.Flag(
-            "rehearse", "the same against emulated devices, first brought to their states before the run", harmless=True
-        ),
+        syntax.Flag("plan", "show changes and their cost; change nothing, do not wait", harmless=True),
+        syntax.Flag("rehearse", "use emulated devices, in their state before the run", harmless=True),
         *syntax.CHANGE,
     ),
     details=(

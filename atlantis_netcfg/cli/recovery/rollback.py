@@ -31,19 +31,19 @@ ROLLBACK = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        syntax.Flag("plan", "show changes and their cost, change nothing", harmless=True),
         syntax.Flag(
             "rehearse",
-            "the same against emulated devices, first brought to what the real ones were when they were last read back",
+            "use emulated devices, in the last state read from the real",
             harmless=True,
         ),
         syntax.YES,
         *syntax.CHANGE,
     ),
     details=(
-        "The saved state has no secrets: those on the device are kept.\nA rehearsal uses runs of the real site "
-        "or, if there are none, those of earlier rehearsals. It shows which state each emulated device has. "
-        "Later changes on the real device are not included: `--plan` shows them."
+        "The saved state has no secrets: those on the device are kept. A rehearsal uses runs of the real site "
+        "or, if there are none, of earlier rehearsals. Later changes on the real device are not included: "
+        "`--plan` shows them."
     ),
     changes=True,
     plays=True,

@@ -44,12 +44,12 @@ __all__ = [
 AUTHORITY = syntax.Word("authority", "authority folder (default: `vpn` in the state folder)")
 CLOCK = syntax.Word(
     "clock",
-    "`right`: this clock is right, the record's last entry is not",
+    "`right`: this clock is right, the record is wrong",
     choices=("right",),
 )
 AGAIN = "recorded changes remain: run the same command again, or check with `provision vpn status`"
 """Hint after Ctrl-C."""
-NO_PUSH = syntax.Flag("no-push", "only record it and create files; deploy with `provision vpn sync`")
+NO_PUSH = syntax.Flag("no-push", "only record; deploy later with `provision vpn sync`")
 
 
 def folder(arguments: syntax.Arguments) -> Path:

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 _CLIENT = (
     syntax.Word(
         "system",
-        "system that runs its tunnel. Robot: linux. Laptop: linux, ubuntu-desktop, windows, macos, android, ios "
-        "(default: steps for all). Router: routeros",
+        "of a laptop: linux, ubuntu-desktop, windows, macos, android, ios (default: steps for all)",
         example="windows",
     ),
     syntax.Word(
@@ -45,24 +44,24 @@ _CLIENT = (
 
 VPN_ONBOARD = syntax.CommandSpec(
     "vpn onboard",
-    "add a device: fixed address, certificate, enrolment package",
+    "add a device: address, certificate, enrolment package",
     words=(
         syntax.Word("partner", "owner of the device", example="iqua"),
         syntax.Word(
             "device",
-            "its name (the member is PARTNER-DEVICE); without `partner=`, a computer of the inventory",
+            "its name; without `partner=`: a computer of the inventory",
             example="sparus2",
         ),
         syntax.Word("kind", "robot, laptop or router", example="robot"),
         syntax.Word("batch", "list of devices, .yml or .csv, with these argument names", example="iqua.yml"),
         syntax.Word("vehicle", "key in vehicles.yml (default: the device name)"),
-        syntax.Word("link", "slowest link of its tunnel: fibre (default), 4g, satellite", example="satellite"),
+        syntax.Word("link", "slowest link: fibre (default), 4g, satellite", example="satellite"),
         *_CLIENT,
-        syntax.Word("wrap", "tls-crypt-v2, or tls-crypt for 2.4 (default: by its OpenVPN)"),
+        syntax.Word("wrap", "tls-crypt-v2, or tls-crypt for 2.4 (default: by OpenVPN)"),
         syntax.Word("key", "ec (default) or rsa; routers get rsa", example="rsa"),
         syntax.Word("days", "validity of the certificate (default: 397)", example="90"),
         syntax.Word("address", "fixed address in the partner's pool (default: next free)"),
-        syntax.Word("recipient", "encrypt to this age key or key file, not with a passphrase"),
+        syntax.Word("recipient", "encrypt to this age key (or file), not with a passphrase"),
         syntax.Word("contact", "contact of the owner, for the instructions page", example="'Ana, +351 210 000 000'"),
         syntax.Word("to", "also copy the file to this folder", example="/media/usb"),
         CLOCK,
@@ -70,10 +69,7 @@ VPN_ONBOARD = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(NO_PUSH, PASSPHRASE_FD, syntax.JSON),
-    details=(
-        "Repeating the command changes nothing; a different request for the same name is refused. Exit code 5: "
-        "recorded, and the packages are created, but the server is not updated yet: run `provision vpn sync`."
-    ),
+    details=("Exit code 5: the server is not updated yet: run `provision vpn sync`."),
     changes=True,
     again=AGAIN,
 )
@@ -131,10 +127,10 @@ VPN_RENEW = syntax.CommandSpec(
         syntax.Word("all", "every member whose certificate expires within this time", example="30d"),
         syntax.Word("days", "validity of the new certificate (default: 397)", example="90"),
         *_CLIENT,
-        syntax.Word("wrap", "tls-crypt-v2 or tls-crypt (default: as before, if supported)"),
+        syntax.Word("wrap", "tls-crypt-v2 or tls-crypt (default: as before if possible)"),
         syntax.Word("key", "ec or rsa (default: as before)"),
         syntax.Word("link", "slowest link of its tunnel (default: as before)"),
-        syntax.Word("recipient", "encrypt to this age key or key file, not with a passphrase"),
+        syntax.Word("recipient", "encrypt to this age key (or file), not with a passphrase"),
         syntax.Word("contact", "contact of the owner, for the instructions page", example="'Ana, +351 210 000 000'"),
         syntax.Word("to", "also copy the file to this folder", example="/media/usb"),
         CLOCK,
@@ -208,7 +204,7 @@ VPN_REVOKE = syntax.CommandSpec(
         AUTHORITY,
         syntax.INVENTORY,
     ),
-    flags=(syntax.Flag("yes", "do not ask before they are cut off"), NO_PUSH, PASSPHRASE_FD, syntax.JSON),
+    flags=(syntax.Flag("yes", "do not ask before revoking access"), NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
         "A name cannot be used again. Exit code 5: recorded, but the server did not respond; connected devices stay "
         "connected until `provision vpn sync` has updated it."
@@ -271,7 +267,7 @@ def _agree(arguments: syntax.Arguments, members: tuple[Member, ...]) -> None:
 
 VPN_ACCEPT = syntax.CommandSpec(
     "vpn accept",
-    "import a computer's identity from its enrolment package",
+    "store a computer's identity from its enrolment package",
     words=(
         syntax.Word("file", "the encrypted enrolment package", is_required=True, example="coastal-gateway.tar.age"),
         syntax.Word("key", "file (mode 0600) with your age key, if encrypted to it", example="age.key"),

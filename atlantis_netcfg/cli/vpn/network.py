@@ -39,8 +39,8 @@ VPN_INSTALL = syntax.CommandSpec(
         syntax.INVENTORY,
     ),
     flags=(
-        syntax.Flag("plan", "say what would be done, change nothing", harmless=True),
-        syntax.Flag("rehearse", "the same against an emulated router", harmless=True),
+        syntax.Flag("plan", "show the steps, change nothing", harmless=True),
+        syntax.Flag("rehearse", "use an emulated router", harmless=True),
         syntax.PROFILE,
         syntax.Flag("yes", "do not ask before changing the router"),
         syntax.ACCEPT_COST,
@@ -119,12 +119,8 @@ VPN_SYNC = syntax.CommandSpec(
     "update the server: members, revocations, firewall, sessions",
     words=(CLOCK, AUTHORITY, syntax.INVENTORY),
     flags=(
-        syntax.Flag(
-            "sign", "also sign the list of revoked certificates anew, and the server's certificate where it is time"
-        ),
-        syntax.Flag(
-            "take-list", "with --sign: take over what the server's list revokes, as the newest copy of it is lost"
-        ),
+        syntax.Flag("sign", "also re-sign the revocation list, and the server certificate if due"),
+        syntax.Flag("take-list", "for `--sign`: keep what the server's list revokes, if the newest copy is lost"),
         PASSPHRASE_FD,
         syntax.JSON,
     ),

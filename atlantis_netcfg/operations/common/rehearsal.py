@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
@@ -175,7 +174,7 @@ def _air(
     """Yield the radio links between these hosts; the near end is on the technician's side."""
     names = [host.name for host in hosts]
     requested_names = [name for name in names if name not in along]
-    request = Request(state=Path(), via=dict.fromkeys(requested_names, via) if via is not None else {})
+    request = Request(via=dict.fromkeys(requested_names, via) if via is not None else {})
     for member in members_of(inventory, requested_names, request):
         if member.bridge is None or not all(end.name in names for end in member.hosts):
             continue

@@ -139,9 +139,14 @@ class RunReport:
         return "\n".join(map(printable.plain, self.rows()))
 
     def rows(self, width: int = 0) -> list[printable.Row]:
-        """Return the closing lines: devices, wrapped at `width` columns unless 0, and the summary."""
+        """Return the closing lines: devices, wrapped at `width` columns unless 0 (no terminal), and the summary.
+
+        On a terminal a successful rehearsal shows one line for each device; `--verbose` shows all.
+        """
         column = _NARROW_COLUMN if 0 < width < _ROOMY else _COLUMN
-        devices = [part for row in self._device_rows(column) for part in printable.wrap_row(row, width, column)]
+        is_brief = bool(width) and self.is_rehearsal and not self.verbose and self.exit is ExitCode.DONE
+        device_rows = self._brief_rows(column) if is_brief else self._device_rows(column)
+        devices = [part for row in device_rows for part in printable.wrap_row(row, width, column)]
         return [*devices, *self.summary().rows_for_screen(min(width or printable.NARROW, printable.NARROW))]
 
     def summary(self) -> Summary:
@@ -174,6 +179,14 @@ class RunReport:
                 return {**item.result, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": None}
         return result
 
+    def _brief_rows(self, column: int) -> Iterable[printable.Row]:
+        for name, result in self.devices.items():
+            style = _STYLES.get(ending(result), printable.Style.BAD)
+            words = translate(result["message"]).removeprefix("WARN: ")
+            yield (f"  {name:<{column - 3}} ", printable.StyledText(printable.below(words, column), style))
+        yield from self._absent_rows(column)
+        yield f"  {translate('costs, repeated runs and notes: type --verbose, too')}"
+
     def _device_rows(self, column: int) -> Iterable[printable.Row]:
         below, start = " " * column, f"<{column - 3}"
         for name, result in self.devices.items():
@@ -190,15 +203,19 @@ class RunReport:
                     yield from self._bill(item.result, below)
             yield from (_note("note", note, column) for note in result["notes"])
             yield from (_note("drift", drift["message"], column) for drift in result["drift"])
-        yield from (
-            (f"  {name:{start}} ", printable.StyledText(translate(f"not rehearsed: {why}"), printable.Style.WARNING))
-            for name, why in self.left_out.items()
-        )
+        yield from self._absent_rows(column)
+        if self.is_rehearsal and self.verbose:
+            yield from (f"  {translate(f'not rehearsed: {item}')}" for item in self.not_rehearsed)
+
+    def _absent_rows(self, column: int) -> Iterable[printable.Row]:
+        start = f"<{column - 3}"
+        for name, reason in self.left_out.items():
+            why = translate(reason)
+            words = translate(f"not rehearsed: {why}")
+            yield (f"  {name:{start}} ", printable.StyledText(words, printable.Style.WARNING))
         for name, kind in self.not_handled.items():
             words = translate(f"not supported yet ({kind.replace('_', ' ')})")
             yield (f"  {name:{start}} ", printable.StyledText(words, printable.Style.WARNING))
-        if self.is_rehearsal and self.verbose:
-            yield from (f"  {translate(f'not rehearsed: {item}')}" for item in self.not_rehearsed)
 
     def _bill(self, result: Mapping[str, Any], below: str) -> Iterable[printable.Row]:
         return (f"{below}{translate(line)}" for line in cost_lines(result, is_rehearsal=self.is_rehearsal))

@@ -167,7 +167,7 @@ class Summary:
         if self.limits:
             advice += _label_lines("limits", translate(count_limits(self.limits, "--verbose")), width)
         if self.next_command:
-            advice.append(_command(self.next_command))
+            advice += _command(self.next_command, width)
         if self.record:
             advice += _label_lines("record", self.record, width)
         rows: list[printable.Row] = [*verdict, *counts, *reason, *advice]
@@ -326,9 +326,10 @@ def _label_lines(label: str, text: str, width: int) -> Iterator[printable.Row]:
         yield _label("" if place else label), line
 
 
-def _command(command: str) -> printable.Row:
-    """Return the next command on one line, however long: with a line break it could not be copied."""
-    return _label("next"), as_typed(command)
+def _command(command: str, width: int) -> Iterator[printable.Row]:
+    """Yield the next command, which can be pasted even where it needs several lines."""
+    for place, line in enumerate(printable.fill_command(as_typed(command), max(width - _LABEL, 20))):
+        yield _label("" if place else "next"), line
 
 
 def _label(label: str) -> printable.StyledText:
@@ -348,7 +349,7 @@ def _advice(hint: str, width: int) -> Iterator[printable.Row]:
     before = text[: command.start()].rstrip(" ,;:`")
     if before:
         yield from _label_lines("do", f"{before}:", width)
-    yield _command(command[1])
+    yield from _command(command[1], width)
     if after := text[command.end() :].strip(" ,;:`"):
         yield from _label_lines("", after, width)
 

@@ -45,6 +45,13 @@ def test_every_message_of_the_source_has_a_translation() -> None:
     assert len(in_source) > 3000
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_text_of_help_has_a_translation(name: str) -> None:
+    command = load(name, COMMANDS).command
+    texts = [command.summary, *command.details.split("\n"), *(each.help for each in (*command.words, *command.flags))]
+    assert [text for text in texts if text and text not in TRANSLATIONS] == []
+
+
 def test_the_tool_reads_the_same_translations_as_the_program() -> None:
     written = MESSAGES.read(catalogue_file(Language.PORTUGUESE))
     assert {msgid: written.get(msgid) for msgid in TRANSLATIONS} == TRANSLATIONS
@@ -150,6 +157,7 @@ def test_command_names_are_not_translated() -> None:
         ('x = y == "what is compared"', []),
         ('x = "/ip address print where disabled"', []),
         ('print("done")', ["done"]),
+        ('CommandSpec("go", "go there", flags=(Flag("all", "go everywhere"),))', ["go there", "go everywhere"]),
         ('x = "done"', []),
     ],
 )  # fmt: skip

@@ -2,6 +2,9 @@
 
 import io
 import json
+import os
+import shlex
+import subprocess
 import sys
 import unicodedata
 from functools import partial
@@ -11,6 +14,7 @@ from typing import Any
 import pytest
 from impostor import HOSTILE, control_characters
 from pilot_commands import Table
+from terminal import terminal
 
 from atlantis_netcfg.cli import main, media
 from atlantis_netcfg.cli.base.output import progress
@@ -35,6 +39,42 @@ def test_control_characters_are_shown_escaped() -> None:
 def test_printable_text_stays() -> None:
     for text in ("čaj 🤖", "", "São João, 25 °C…", "漢字"):
         assert printable.line(text) == printable.lines(text) == printable.visible(text) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "wrapped"),
+    [
+        ("  one two three", 0, "  one two three"),
+        ("  one two three", 10, "  one two\n  three"),
+        ("type `provision plan` now", 20, "type\n`provision plan` now"),
+        ("a-very-long-word-indeed", 10, "a-very-long-word-indeed"),
+        ("  ./provision check site=coastal vehicle=x", 30, "  ./provision check \\\n  site=coastal vehicle=x"),
+        ('  "key": "one two three",', 10, '  "key": "one two three",'),
+        ("short\none two three\n", 8, "short\none two\nthree\n"),
+    ],
+)
+def test_long_line_is_wrapped_between_words(text: str, width: int, wrapped: str) -> None:
+    assert printable.wrap_lines(text, width) == wrapped
+
+
+@pytest.mark.parametrize("width", [20, 40, 80])
+def test_wrapped_command_is_the_same_to_a_shell(width: int) -> None:
+    command = "./provision vpn onboard partner=iqua device=sparus2 contact='Ana, +351 210 000 000' --no-push"
+    lines = printable.fill_command(command, width)
+    assert len(lines) > 1
+    pasted = "\n          ".join(lines)
+    shell = subprocess.run(["sh", "-c", f"printf '%s\\n' {pasted}"], capture_output=True, text=True, check=True)
+    assert shell.stdout.splitlines() == shlex.split(command)
+
+
+def test_printer_wraps_on_a_terminal_only() -> None:
+    text = "word " * 30 + "\n"
+    with terminal(80) as shown, os.fdopen(os.dup(shown.descriptor), "w") as stream:
+        printable.Printer(stream).write(text)
+    assert [line for line in shown.lines if line] == [("word " * 16).strip(), ("word " * 14).strip()]
+    file = io.StringIO()
+    printable.Printer(file).write(text)
+    assert file.getvalue() == text
 
 
 def test_nested_data_is_cleaned() -> None:

@@ -126,6 +126,21 @@ def test_text_report_shows_cost_passes_and_limits() -> None:
     assert brief == [*lines[:3], *lines[4:], "limits    1 limit of this rehearsal (`--verbose` lists it)"]
 
 
+def test_successful_rehearsal_on_a_terminal_shows_one_line_per_device() -> None:
+    passes = (Pass("r", "lan", result(ExitCode.DONE)),)
+    devices = {"r": {**result(ExitCode.DONE, "9 actions kept"), "notes": ["a note"]}}
+    report = RunReport("coastal", True, devices, passes, left_out={"gw": "not root"})
+    assert [plain(row) for row in report.rows(80)][:4] == [
+        "  r                  9 actions kept",
+        "  gw                 not rehearsed: not root",
+        "  costs, repeated runs and notes: type --verbose, too",
+        "",
+    ]
+    whole = [plain(row) for row in replace(report, verbose=True).rows(80)]
+    assert any("second run over lan" in line for line in whole)
+    assert any("a note" in line for line in whole)
+
+
 def test_text_report_shows_why_a_device_was_not_rehearsed() -> None:
     report = RunReport("coastal", True, {"r": result(ExitCode.DONE, "kept")}, left_out={"gw": "not root"})
     assert "  gw                 not rehearsed: not root" in report.as_text().splitlines()
