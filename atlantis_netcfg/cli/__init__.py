@@ -109,8 +109,7 @@ class _CommandLine:
 
         arguments = parse(entry.command, rest)
         temporary.remove_orphans()
-        self.is_started = True
-        paths.start_command()
+        self.is_started = paths.start_command()
         return entry.run(arguments)
 
     def _choose_language(self) -> None:

@@ -74,9 +74,11 @@ def state_place(environ: Mapping[str, str] | None = None) -> Path:
     return _state_path(os.environ if environ is None else environ)
 
 
-def start_command() -> None:
-    """Give the command that begins an id, which its runs record."""
-    os.environ[INVOCATION] = os.urandom(8).hex()
+def start_command() -> bool:
+    """Give the command that starts an id, which its runs record; False within a command that has one."""
+    is_outer = INVOCATION not in os.environ
+    os.environ.setdefault(INVOCATION, os.urandom(8).hex())
+    return is_outer
 
 
 def finish_command(code: int) -> None:

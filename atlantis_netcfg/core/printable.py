@@ -154,8 +154,8 @@ def fill(text: str, width: int, indent: str = "", together: re.Pattern[str] = _C
     """Wrap text without breaking words or what matches `together`: commands between back quotes."""
     from textwrap import wrap  # noqa: PLC0415 - not needed where every line is short
 
-    glued = together.sub(lambda match: match[0].replace(" ", _NO_BREAK), text)
-    parts = wrap(glued, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    unbroken = together.sub(lambda match: match[0].replace(" ", _NO_BREAK), text)
+    parts = wrap(unbroken, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
     return [part.replace(_NO_BREAK, " ") for part in parts]
 
 

@@ -444,9 +444,7 @@ def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[LinkFinding]:
         hint = "check the transducers and what is between them" if weak else "move the modems apart"
         yield LinkFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
     if fix.integrity is not None and fix.integrity < status.INTEGRITY_LOW:
-        message = (
-            f"{who} receives a poor signal {of}: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
-        )
+        message = f"{who} receives a poor signal {of}: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
         hint = "check for echoes (walls, the hull, the surface) and noise, and listen again"
         yield LinkFinding(Verdict.WARN, "integrity-low", message, hint)
     if fix.accuracy is not None and fix.accuracy > _ACCURACY_POOR:

@@ -14,8 +14,7 @@ from atlantis_netcfg.checklist.report._photos import find_attachments
 from atlantis_netcfg.checklist.report._svg import drawing_svg
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.runs.report import signs
-from atlantis_netcfg.runs.report.page import PageHeader, PageVerdict, page, page_environment, with_code
+from atlantis_netcfg.runs.report import page_frame, signs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
 def html(document: Document, files: Mapping[str, bytes]) -> bytes:
     """Return the page; the same document and files always give the same bytes."""
-    return page(
+    return page_frame.page(
         _environment(),
         "page.html.j2",
         _header(document),
@@ -52,22 +51,22 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
     )
 
 
-def _header(document: Document) -> PageHeader:
+def _header(document: Document) -> page_frame.PageHeader:
     state, sentence = _words.headline(document)
-    return PageHeader(
+    return page_frame.PageHeader(
         _texts.heading(document),
         _texts.subtitle(document),
         _texts.PageText.REHEARSAL if document.rehearsed else "",
-        PageVerdict(state, state, sentence),
+        page_frame.PageVerdict(state, state, sentence),
         _texts.name_of_page(document),
     )
 
 
 @cache
 def _environment() -> Environment:
-    result = page_environment("atlantis_netcfg.checklist.report")
+    result = page_frame.environment("atlantis_netcfg.checklist.report")
     result.filters.update(title_of=_words.title, data_uri=_data_uri, tr=translate)
-    result.filters.update(item_title=lambda item: with_code(_texts.item_title(item)))
+    result.filters.update(item_title=lambda item: page_frame.with_code(_texts.item_title(item)))
     result.globals.update(
         state=_shapes.state,
         ident=id,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _CLIENT = (
     syntax.Word(
         "system",
-        "of a laptop: linux, ubuntu-desktop, windows, macos, android, ios (default: steps for all)",
+        "laptop: linux, ubuntu-desktop, windows, macos, android, ios (default: all); router: routeros",
         example="windows",
     ),
     syntax.Word(
@@ -37,7 +37,7 @@ _CLIENT = (
     ),
     syntax.Word(
         "openvpn",
-        "OpenVPN: 2.4, 2.5, 2.6 or 2.7 (default: inventory, or from ROS 2)",
+        "2.4, 2.5, 2.6 or 2.7 (default: inventory, or from ROS 2)",
         example="2.4",
     ),
 )

@@ -22,8 +22,7 @@ from atlantis_netcfg.records.asbuilt.record import (
     report_tables,
     title_of,
 )
-from atlantis_netcfg.runs.report import signs
-from atlantis_netcfg.runs.report.page import PageHeader, PageVerdict, page, page_environment
+from atlantis_netcfg.runs.report import page_frame, signs
 from atlantis_netcfg.runs.report.summary import count_limits
 
 if TYPE_CHECKING:
@@ -223,14 +222,14 @@ def html(record: AsBuiltRecord, digest: str) -> bytes:
     states = {device.state for device in record.devices}
     order = (ReadState.NOT_REACHED, ReadState.IN_PART, ReadState.READ)
     state = next((state for state in order if state in states), ReadState.BY_HAND)
-    header = PageHeader(
+    header = page_frame.PageHeader(
         heading(record),
         subtitle(record),
         _REHEARSAL if record.rehearsed else "",
-        PageVerdict(shown_state(state), state_word(state), closing(record)),
+        page_frame.PageVerdict(shown_state(state), state_word(state), closing(record)),
     )
     words = {"record": record, "digest": digest, "tables": report_tables(record)}
-    return page(_environment(), "as-built.html.j2", header, **words)
+    return page_frame.page(_environment(), "as-built.html.j2", header, **words)
 
 
 def table_words(table: ReportTable) -> str:
@@ -240,7 +239,7 @@ def table_words(table: ReportTable) -> str:
 
 @cache
 def _environment() -> Environment:
-    result = page_environment("atlantis_netcfg.records.asbuilt")
+    result = page_frame.environment("atlantis_netcfg.records.asbuilt")
     result.globals.update(
         where=where,
         facts_of=facts_of,

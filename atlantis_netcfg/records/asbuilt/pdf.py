@@ -21,7 +21,7 @@ from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.records.asbuilt import pages
 from atlantis_netcfg.records.asbuilt.archive import FILE
 from atlantis_netcfg.records.asbuilt.record import report_tables, title_of
-from atlantis_netcfg.runs.report.page import unread
+from atlantis_netcfg.runs.report import page_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,8 +42,8 @@ def pdf(record: AsBuiltRecord, digest: str) -> bytes:
     paper = _paper(record, digest)
     paper.add_page()
     paper.tell(translate(pages.heading(record)), size=17, bold=True)
-    if unread():
-        paper.tell(unread(), faint=True)
+    if page_frame.unread():
+        paper.tell(page_frame.unread(), faint=True)
     paper.tell(translate(pages.subtitle(record)), faint=True)
     if record.rehearsed:
         paper.tell(translate("REHEARSAL: no real device was contacted."), size=13, bold=True)

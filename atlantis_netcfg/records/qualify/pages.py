@@ -20,8 +20,7 @@ from atlantis_netcfg.records.qualify.sections import (
     sections,
     subtitle,
 )
-from atlantis_netcfg.runs.report import signs
-from atlantis_netcfg.runs.report.page import PageHeader, PageVerdict, page, page_environment, unread
+from atlantis_netcfg.runs.report import page_frame, signs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -115,13 +114,13 @@ def _label_rows(name: str, value: str) -> Iterator[Row]:
 
 def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
     """Return the page: no script, no request; the same for the same record."""
-    header = PageHeader(
+    header = page_frame.PageHeader(
         heading(record),
         subtitle(record),
         EMULATED_NOTICE if record.run.emulated else "",
-        PageVerdict(signs.ShownState(record.verdict.value), record.verdict.value, closing_sentence(record)),
+        page_frame.PageVerdict(signs.ShownState(record.verdict.value), record.verdict.value, closing_sentence(record)),
     )
-    return page(
+    return page_frame.page(
         _environment(),
         "qualify.html.j2",
         header,
@@ -132,7 +131,7 @@ def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    result = page_environment("atlantis_netcfg.records.qualify")
+    result = page_frame.environment("atlantis_netcfg.records.qualify")
     result.globals.update(in_words=in_words)
     return result
 
@@ -147,8 +146,8 @@ def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
     paper.foot_line = f"{record.verdict.value}; {translate(heading(record))}"
     paper.add_page()
     paper.tell(translate(heading(record)), size=17, bold=True)
-    if unread():
-        paper.tell(unread(), faint=True)
+    if page_frame.unread():
+        paper.tell(page_frame.unread(), faint=True)
     paper.tell(translate(subtitle(record)), faint=True)
     if record.run.emulated:
         paper.tell(translate(EMULATED_NOTICE), size=13, bold=True)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.lte import judge
-from atlantis_netcfg.runs.report.page import PageHeader, page, page_environment
+from atlantis_netcfg.runs.report import page_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -266,10 +266,10 @@ def render_page(survey: Survey, coast: Coast | None = None) -> bytes:
     header = survey.header
     positions = [point.position for point in survey.placed_points if point.position is not None]
     frame = MapFrame.around(positions) if positions else None
-    return page(
+    return page_frame.page(
         _environment(),
         "survey.html.j2",
-        PageHeader(
+        page_frame.PageHeader(
             f"Coverage along a track: {header.title} ({header.site})",
             f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
             _EMULATION if header.emulated else "",
@@ -287,6 +287,6 @@ def render_page(survey: Survey, coast: Coast | None = None) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    result = page_environment("atlantis_netcfg.records.survey")
+    result = page_frame.environment("atlantis_netcfg.records.survey")
     result.globals.update(shapes=SHAPES)
     return result

@@ -24,7 +24,7 @@ from atlantis_netcfg.computers.services import PROFILES
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.routeros.render import environment
-from atlantis_netcfg.runs.report import page as report_page
+from atlantis_netcfg.runs.report import page_frame
 from atlantis_netcfg.vpn import routeros, systems
 from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared
 from atlantis_netcfg.vpn.identity import ClientSystem, Identity, Member, MemberKind, MemberLink, MembershipList, Wrap
@@ -332,10 +332,10 @@ def as_text(blocks: Sequence[str]) -> str:
 def as_html(blocks: Sequence[str]) -> str:
     """Return the page as HTML; it loads no external resources."""
     body = "\n".join(_to_html(html.escape(block, quote=False)) for block in blocks[1:])
-    header = report_page.PageHeader(blocks[0].partition("\n")[0])
+    header = page_frame.PageHeader(blocks[0].partition("\n")[0])
     # Escaped above, block by block.
     words = {"body": Markup(body), "unread": ""}  # noqa: S704 - see above
-    return report_page.page(report_page.page_environment(), "frame.html.j2", header, **words).decode()
+    return page_frame.page(page_frame.environment(), "frame.html.j2", header, **words).decode()
 
 
 def _wrap_block(block: str) -> str:

@@ -11,8 +11,7 @@ from atlantis_netcfg.checklist.report._pdf import _sheet
 from atlantis_netcfg.checklist.report._svg import layout
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.runs.report import signs
-from atlantis_netcfg.runs.report.page import unread
+from atlantis_netcfg.runs.report import page_frame, signs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -176,8 +175,8 @@ def _photo(sheet: _sheet.Sheet, photo: _photos.Photo) -> None:
 def top(sheet: _sheet.Sheet, document: Document) -> None:
     """Write the first lines."""
     sheet.tell(translate(_texts.heading(document)), size=17, bold=True)
-    if unread():
-        sheet.tell(unread(), faint=True)
+    if page_frame.unread():
+        sheet.tell(page_frame.unread(), faint=True)
     sheet.tell(translate(_texts.subtitle(document)), faint=True)
     if document.rehearsed:
         _rehearsal_banner(sheet, document)

@@ -14,8 +14,7 @@ from atlantis_netcfg.checklist.report import _texts
 from atlantis_netcfg.checklist.report._words import signature_line
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import split_code, visible
-from atlantis_netcfg.runs.report import signs
-from atlantis_netcfg.runs.report.page import page_language
+from atlantis_netcfg.runs.report import page_frame, signs
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -92,7 +91,7 @@ class Paper(FPDF):
         self.set_creation_date(creation_time)
         self.set_title(printable(title))
         self.set_creator(printable(f"atlantis-netcfg {tool}"))
-        self.set_lang(page_language())
+        self.set_lang(page_frame.language_tag())
         self.alias_nb_pages(_PAGES)
         _add_fonts(self)
         self.head_line, self.foot_line = "", ""

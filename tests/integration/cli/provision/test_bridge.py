@@ -210,7 +210,12 @@ WIRELESS = {"packages": ("routeros", "wireless")}
                 "RouterOS, reboot, and run this command again"
             ),
         ),
-        ({}, WIFI, "has protocol nv2 in the inventory, but its radio has the `wifi` menus", 'write `protocol: "802.11"`'),
+        (
+            {},
+            WIFI,
+            "has protocol nv2 in the inventory, but its radio has the `wifi` menus",
+            'write `protocol: "802.11"`',
+        ),
         (
             {**PLAIN, "802.11ac": "802.11ac\n    menus: wifi"},
             WIRELESS,

@@ -91,7 +91,7 @@ def at(proxy: Proxy, endpoint: Endpoint, **changes: Any) -> Endpoint:  # noqa: A
     [
         ({"password": Secret("another one")}, "refused the login", 1),
         ({"pin": "00" * 32}, "the certificate is not the one of this device", 1),
-        ({"pin": None}, "its certificate is not known here", 1),
+        ({"pin": None}, "its certificate is unknown here", 1),
     ],
 )
 def test_failed_session_is_counted(tmp_path: Path, changes: dict[str, Any], message: str, sessions: int) -> None:

@@ -171,7 +171,7 @@ def test_self_test_as_root_passes_and_leaves_nothing_behind(office: Office, stan
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, ""), done.stdout
     assert "  ok    tunnel  came up in " in done.stdout
-    assert "  ok    server  10.80.0.1 answers in " in done.stdout
+    assert "  ok    server  10.80.0.1 responds in " in done.stdout
     assert done.stdout.endswith("PASS: udg-good is in the VPN.\n")
     assert "10.80." not in stand.run("devices", "ip", "-4", "-o", "address")
 

@@ -161,12 +161,12 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop, Server], str], str, str]] = {
     "never set up": (
         never_set_up,
         "`provision site=…` does that; then run the same command again",
-        "as in the inventory",
+        "no differences from the inventory",
     ),
     "of another authority": (
         of_another_authority,
         "the server was set up by another authority: `provision site=…` installs this one",
-        "as in the inventory",
+        "no differences from the inventory",
     ),
 }
 

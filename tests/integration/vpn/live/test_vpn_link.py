@@ -63,7 +63,7 @@ def test_computer_that_is_no_vpn_server_is_reported(computer: Computer) -> None:
         with pytest.raises(ServerRefusal, match="no VPN server was ever set up on this computer") as refused:
             link.ask("push", place=dict(PLACE), files=[], only=[])
         assert "provision site=" in str(refused.value.hint)
-        with pytest.raises(AnswerLost, match="failed at `nonsense`: KeyError"):
+        with pytest.raises(AnswerLost, match="failed there at `nonsense`: KeyError"):
             link.ask("nonsense", place=dict(PLACE))
         assert asked(link)["sessions"] == []
 
@@ -75,7 +75,7 @@ def test_incomplete_response_counts_as_lost(computer: Computer, cut: str) -> Non
         "/usr/local/sbin/python3", f"#!/bin/sh\nprintf '{vpn_serve.MARK}hello\\n'\nread x\nprintf '{said}'\n", 0o755
     )
     try:
-        with LocalLink(NAME, computer.enter) as link, pytest.raises(AnswerLost, match="before an answer came to `sess"):
+        with LocalLink(NAME, computer.enter) as link, pytest.raises(AnswerLost, match="before a response to `sess"):
             asked(link)
     finally:
         computer.at("/usr/local/sbin/python3").unlink()
@@ -84,7 +84,7 @@ def test_incomplete_response_counts_as_lost(computer: Computer, cut: str) -> Non
 @pytest.mark.parametrize(
     ("script", "words"),
     [
-        (f"printf '\\n{link_module._ASKS}3 6\\n'; cat >/dev/null", "has Python 3.6, and at least 3.8"),
+        (f"printf '\\n{link_module._ASKS}3 6\\n'; cat >/dev/null", "has Python 3.6, but at least 3.8"),
         ("echo 'cannot start' >&2; exit 9", r"did not start \(exit 9\): cannot start"),
     ],
 )

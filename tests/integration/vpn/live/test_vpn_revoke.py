@@ -129,7 +129,7 @@ def test_blocked_management_socket_does_not_delay_the_cut_off(server: Server) ->
         evidence = server.go_on()
         assert evidence is not None
         assert (evidence.out, evidence.dead, evidence.is_confirmed) == (True, False, False)
-        assert "silent for 2 s" in evidence.notes[0]
+        assert "has not responded for 2 s" in evidence.notes[0]
         assert evidence.notes[1] == "no session is confirmed as ended: the server does not respond"
         assert echo.answers() == 0
         assert server.record.authority.membership().queued_names == (name,)

@@ -8,7 +8,7 @@ import pytest
 from page_kinds import PAGES, REHEARSALS, ROOT, VERDICTS
 
 from atlantis_netcfg.core import language
-from atlantis_netcfg.runs.report import page as report_page
+from atlantis_netcfg.runs.report import page_frame
 
 PHONE = 360
 EXTERNAL = re.compile(r"""(?:src|href|action|srcset|poster|data)=["'](?!#|data:image/)|url\(|@import|<script|<link""")
@@ -36,7 +36,7 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 def test_page_has_the_shared_style_once_and_no_other(kind: str) -> None:
     text = PAGES[kind]().decode()
-    assert re.findall(r"<style[^>]*>(.*?)</style>", text, re.DOTALL) == [report_page._style()]
+    assert re.findall(r"<style[^>]*>(.*?)</style>", text, re.DOTALL) == [page_frame._style()]
     assert [attributes for _, attributes in Tags(text.encode()).tags if "style" in attributes] == []
 
 
@@ -54,7 +54,7 @@ def test_page_is_made_for_a_phone(kind: str) -> None:
         attributes for tag, attributes in page.tags if tag in {"table", "td", "th", "svg"} and "width" in attributes
     ]
     assert [attributes for attributes in fixed if float(attributes["width"] or 0) > PHONE] == []
-    wide = [float(size) for size in re.findall(r"[^-\w]width: ([\d.]+)px", report_page._style())]
+    wide = [float(size) for size in re.findall(r"[^-\w]width: ([\d.]+)px", page_frame._style())]
     assert [size for size in wide if size > PHONE] == []
 
 
@@ -81,5 +81,5 @@ def test_no_template_has_its_own_frame_or_style() -> None:
     assert len(files) > 500
     whole = [path for path in files if re.search(r"<html|<style", path.read_text(encoding="utf-8"), re.IGNORECASE)]
     styles = [path for path in files if ".css" in path.name]
-    templates = Path(report_page.__file__).with_name("templates")
+    templates = Path(page_frame.__file__).with_name("templates")
     assert (whole, styles) == ([templates / "frame.html.j2"], [templates / "pages.css.j2"])

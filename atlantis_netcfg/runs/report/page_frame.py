@@ -46,7 +46,7 @@ class PageHeader:
     """Title of the browser's window, if it is not the heading."""
 
 
-def page_environment(package: str = "atlantis_netcfg.runs.report") -> Environment:
+def environment(package: str = "atlantis_netcfg.runs.report") -> Environment:
     """Return the Jinja environment for a package's page templates; the caller adds filters and globals."""
     result = Environment(
         loader=ChoiceLoader([PackageLoader(name) for name in dict.fromkeys((package, "atlantis_netcfg.runs.report"))]),
@@ -66,7 +66,7 @@ def page_environment(package: str = "atlantis_netcfg.runs.report") -> Environmen
 def page(environment: Environment, template: str, header: PageHeader, **values: Any) -> bytes:  # noqa: ANN401 - its words
     """Render a page, which extends `frame.html.j2`; its content security policy allows the common style only."""
     style = _style()
-    context = {"language": page_language(), "unread": unread(), "header": header, **values}
+    context = {"language": language_tag(), "unread": unread(), "header": header, **values}
     text = environment.get_template(template).render(
         style=Markup(style),  # noqa: S704 - a template of ours without anything from outside
         style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
@@ -77,7 +77,7 @@ def page(environment: Environment, template: str, header: PageHeader, **values: 
 
 @cache
 def _style() -> str:
-    template = page_environment().get_template("pages.css.j2")
+    template = environment().get_template("pages.css.j2")
     return template.render(light=_classes(signs.TINTS), dark=_classes(signs.DARK))
 
 
@@ -91,7 +91,7 @@ def with_code(text: str) -> Markup:
     return Markup().join(shapes[is_code].format(clean(piece)) for piece, is_code in split_code(text))
 
 
-def page_language() -> str:
+def language_tag() -> str:
     """Return the language tag of the page's own text for HTML and PDF (BCP 47)."""
     return {Language.ENGLISH: "en", Language.PORTUGUESE: "pt-PT"}[language.current()]
 
