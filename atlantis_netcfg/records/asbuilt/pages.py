@@ -156,7 +156,7 @@ def rows(record: AsBuiltRecord, location: str) -> Iterator[printable.Row]:
         yield from printable.wrap_row(
             row, printable.NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2
         )
-    yield translate(f"kept: {location}")
+    yield translate(f"saved: {location}")
     yield translate(closing(record))
 
 

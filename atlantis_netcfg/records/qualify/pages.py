@@ -67,7 +67,7 @@ def rows(record: QualifyRecord, location: str) -> Iterator[Row]:
         elif section.table is not None:
             yield from table_rows(section.table)
     yield ""
-    yield from wrap_row(translate(f"kept: {location}"), NARROW, _INDENT)
+    yield from wrap_row(translate(f"saved: {location}"), NARROW, _INDENT)
     words = f": {translate(closing_sentence(record))}"
     yield from wrap_row((StyledText(record.verdict.value, STYLES[record.verdict]), words), NARROW, _INDENT)
 

@@ -187,7 +187,7 @@ def _wifi_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     parts = list(_signal(quality))
     if parts:
         yield "signal", "; ".join(parts)
-    flow = [*_tx_rx_text(quality, "rate", "rate_mbps", "Mbit/s"), *_tx_rx_text(quality, "CCQ", "ccq_percent", "%")]
+    flow = [*_tx_rx_text(quality, "", "rate_mbps", "Mbit/s"), *_tx_rx_text(quality, "CCQ ", "ccq_percent", "%")]
     if flow:
         yield "rates", ", ".join(flow)
     if quality.get("status") is not None or quality.get("channel") is not None:
@@ -214,9 +214,9 @@ def _radio_grade(level: float) -> str:
 def _tx_rx_text(quality: Mapping[str, Any], title: str, name: str, unit: str) -> Iterator[str]:
     tx_value, rx_value = quality.get(f"tx_{name}"), quality.get(f"rx_{name}")
     if tx_value is not None and rx_value is not None:
-        yield f"{title} {tx_value:g}/{rx_value:g} {unit} sent/received"
+        yield f"{title}{tx_value:g}/{rx_value:g} {unit} sent/received"
     elif tx_value is not None or rx_value is not None:
-        yield f"{title} {tx_value if tx_value is not None else rx_value:g} {unit}"
+        yield f"{title}{tx_value if tx_value is not None else rx_value:g} {unit}"
 
 
 _GRADES = {

@@ -138,7 +138,7 @@ def test_text_shows_local_time_and_json_utc() -> None:
         (
             "wifi_ptp",
             {"tx_rate_mbps": 54.0, "tx_ccq_percent": 34.0, "rx_ccq_percent": 36.0},
-            ["rates         rate 54 Mbit/s, CCQ 34/36 % sent/received"],
+            ["rates         54 Mbit/s, CCQ 34/36 % sent/received"],
         ),
         ("lte", {"rsrp_dbm": -110.0, "sinr_db": 20.0}, ["signal        RSRP -110 dBm (poor), SINR 20 dB (good)"]),
         ("lte", {"registration": "sim_missing"}, ["network       sim missing"]),
