@@ -1,4 +1,4 @@
-"""Every kind of page in a real browser at 360 pixels, in both languages: no scrolling sideways, no broken word.
+"""Every kind of page in a real browser, on phone, tablet and laptop, in both languages: no scrolling, no broken word.
 
 The pictures are kept in the folder of the test, for people.
 """
@@ -12,6 +12,8 @@ from page_kinds import PAGES
 from atlantis_netcfg.core import language
 
 PHONE = 360
+WIDTHS = (PHONE, 760, 1100)
+"""In pixels."""
 BROKEN_WORDS = """(() => {
   const broken = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
@@ -39,16 +41,17 @@ def test_every_page_is_readable_on_a_phone(tmp_path: Path, monkeypatch: pytest.M
             for kind, build in PAGES.items():
                 path = tmp_path / f"{kind}-{tongue.name.lower()}.html"
                 path.write_bytes(build())
-                is_readable(browser, path)
+                for width in WIDTHS:
+                    is_readable(browser, path, width)
         broken_words_are_noticed(browser, tmp_path)
 
 
-def is_readable(browser: Chromium, path: Path) -> None:
-    browser.open(path, width=PHONE, height=800)
-    browser.picture(path.with_suffix(".png"))
-    assert (path.name, browser.run("document.documentElement.scrollWidth")) == (path.name, PHONE)
-    assert (path.name, browser.run(BROKEN_WORDS)) == (path.name, [])
-    assert (path.name, browser.run(CUT)) == (path.name, [])
+def is_readable(browser: Chromium, path: Path, width: int) -> None:
+    browser.open(path, width=width, height=800)
+    browser.picture(path.with_suffix(f".{width}.png"))
+    assert (path.name, browser.run("document.documentElement.scrollWidth")) == (path.name, width)
+    assert (path.name, width, browser.run(BROKEN_WORDS)) == (path.name, width, [])
+    assert (path.name, width, browser.run(CUT)) == (path.name, width, [])
     assert [address for address in browser.requests() if not address.startswith("data:image/")] == [path.as_uri()]
 
 
