@@ -134,7 +134,7 @@ def run_vpn_list(arguments: syntax.Arguments) -> ExitCode:
 
     now = datetime.now(UTC)
     members = reports.of_partner(_common.open_authority(arguments).membership(), arguments.optional("partner"))
-    rows = [("name", "kind", "address", "until", "last seen", "background")]
+    rows = [("name", "kind", "address", "until", "last seen", "state")]
     for member in members:
         until = reports.expires(member)
         last_seen = max(

@@ -216,7 +216,7 @@ def _lines(status: VpnStatus, members: Sequence[Member], now: datetime) -> Itera
         if entry.hint:
             yield from (f"{'':<12} {line}" for line in entry.hint.splitlines())
     up = {session.common_name: session for session in status.state.sessions if session.is_up} if status.state else {}
-    rows = [("member", "address", "until", "last seen", "session", "background")] if members else []
+    rows = [("member", "address", "until", "last seen", "session", "state")] if members else []
     for member in members:
         until, names = expires(member), [item.common_name for item in member.certificates]
         last_seen = max(
