@@ -572,7 +572,7 @@ class Prompt:
         return Path(path_text).expanduser()
 
 
-_LABEL = re.compile(r" *\S+ {2,}| *")
+_LABEL = re.compile(r" *\S+( \S+)? {2,}| *")
 """Start of a line before its text: the label of a column, or blanks."""
 
 
