@@ -412,7 +412,7 @@ def _with_consent(item: report.Item, entry: checklist.PlanEntry, by: str) -> rep
     return item.model_copy(update={"evidence": (*item.evidence, word)})
 
 
-_PHASES: Mapping[report.Phase, str] = {
+_PHASES = {
     report.Phase.BENCH: "BENCH",
     report.Phase.QUAY: "QUAY",
     report.Phase.WATER: "IN WATER",
