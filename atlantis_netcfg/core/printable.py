@@ -235,13 +235,16 @@ def paint(rows: Iterable[Row], *, colour: bool) -> str:
 def show(rows: Iterable[Row], stream: Any) -> None:  # noqa: ANN401 - any text stream
     """Write lines, coloured where the stream shows colours; on a terminal wrapped between words."""
     width = width_of(stream)
-    wrapped = (part for row in rows for part in wrap_row(row, width, _indent(row)))
+    wrapped = (part for row in rows for part in _wrap_own(row, width))
     getattr(stream, "stream", stream).write(paint(wrapped, colour=shows_colour(stream)))
     stream.flush()
 
 
-def _indent(row: Row) -> int:
-    return len(plain(row)) - len(plain(row).lstrip())
+def _wrap_own(row: Row, width: int) -> Iterable[Row]:
+    """Wrap a line at its own indent; a command so that it can be pasted."""
+    if isinstance(row, str):
+        return wrap_lines(row, width).split("\n")
+    return wrap_row(row, width, len(plain(row)) - len(plain(row).lstrip()))
 
 
 def _paint_piece(piece: str | StyledText, *, colour: bool) -> str:

@@ -374,7 +374,7 @@ def _brief(document: Document) -> Iterator[str]:
 def _note_lines(document: Document) -> Iterator[str]:
     reasons = dict.fromkeys(entry.why for entry in document.left_out)
     for why in reasons:
-        what = ", ".join(item.what for item in document.left_out if item.why == why)
+        what = ", ".join(translate(item.what) for item in document.left_out if item.why == why)
         yield from _wrap_words("", f"{translate('not checked')}: {what} ({translate(why)})")
     for note in document.notes:
         yield from _wrap_words("", f"{translate('note')}: {translate(note)}")
