@@ -130,7 +130,7 @@ NOT_MESSAGES = _set("""
 SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", "Consent", "Event"})
 """Functions whose texts are messages even where they are a single word."""
 SHOWN_NAMES = _set("""
-    Stage DriftKind Owner PageText _TITLES _EVIDENCE _STATES _KINDS EVIDENCE KINDS PHASES
+    Stage DriftKind Owner PageText _TITLES _EVIDENCE _STATES _KINDS EVIDENCE KINDS PHASES _PHASES
     FigureTrend RateLimit
     """)
 """Classes and tables whose texts are messages even where they are a single word."""

@@ -75,14 +75,8 @@ class Printer:
 
     def write(self, text: str, /) -> int:
         """Write the escaped text, on a terminal wrapped between words; return the length of the original."""
-        self.stream.write(wrap_lines(lines(text), self._width()))
+        self.stream.write(wrap_lines(lines(text), width_of(self.stream)))
         return len(text)
-
-    def _width(self) -> int:
-        try:
-            return os.get_terminal_size(self.stream.fileno()).columns if self.stream.isatty() else 0  # type: ignore[attr-defined] # of any stream
-        except (AttributeError, OSError, ValueError):
-            return 0
 
     def writelines(self, texts: Any, /) -> None:  # noqa: ANN401 - any iterable of texts
         """Write all texts."""
@@ -91,6 +85,14 @@ class Printer:
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
         return getattr(self.stream, name)
+
+
+def width_of(stream: Any) -> int:  # noqa: ANN401 - any text stream
+    """Return the columns of a terminal; 0 for any other stream."""
+    try:
+        return os.get_terminal_size(stream.fileno()).columns if stream.isatty() else 0
+    except (AttributeError, OSError, ValueError):
+        return 0
 
 
 ASCII = "atlantis-ascii"
@@ -231,9 +233,18 @@ def paint(rows: Iterable[Row], *, colour: bool) -> str:
 
 
 def show(rows: Iterable[Row], stream: Any) -> None:  # noqa: ANN401 - any text stream
-    """Write lines, coloured where the stream shows colours."""
-    getattr(stream, "stream", stream).write(paint(rows, colour=shows_colour(stream)))
+    """Write lines, coloured where the stream shows colours; on a terminal wrapped between words."""
+    width = width_of(stream)
+    wrapped = (part for row in rows for part in _wrap_own(row, width))
+    getattr(stream, "stream", stream).write(paint(wrapped, colour=shows_colour(stream)))
     stream.flush()
+
+
+def _wrap_own(row: Row, width: int) -> Iterable[Row]:
+    """Wrap a line at its own indent; a command so that it can be pasted."""
+    if isinstance(row, str):
+        return wrap_lines(row, width).split("\n")
+    return wrap_row(row, width, len(plain(row)) - len(plain(row).lstrip()))
 
 
 def _paint_piece(piece: str | StyledText, *, colour: bool) -> str:

@@ -239,14 +239,14 @@ def _pinged_by_a_person(cell: base.Cell, beacon: int) -> base.Step:
 
 def _manual_step(cell: base.Cell) -> base.Step:
     is_declared = cell.endpoints.usbl is not None
-    why = "has no address at this site" if is_declared else "is not in the inventory"
+    why = "it has no address at this site" if is_declared else "it is not in the inventory"
     return base.Step(
         name="",
         title=f"The USBL of {cell.name} reports its position",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
         do=(
-            f"The USBL of {cell.name} {why}, so the program cannot listen to it. With both transducers in the water, "
+            f"The program cannot listen to the USBL of {cell.name}: {why}. With both transducers in the water, "
             "and never in air, have the vehicle located from its base, some metres away and in a known direction."
         ),
         look_for=(

@@ -374,9 +374,10 @@ def _brief(document: Document) -> Iterator[str]:
 def _note_lines(document: Document) -> Iterator[str]:
     reasons = dict.fromkeys(entry.why for entry in document.left_out)
     for why in reasons:
-        what = ", ".join(item.what for item in document.left_out if item.why == why)
-        yield from _wrap_all([f"not checked: {what} ({why})"])
-    yield from _wrap_all(f"note: {note}" for note in document.notes)
+        what = ", ".join(translate(item.what) for item in document.left_out if item.why == why)
+        yield from _wrap_words("", f"{translate('not checked')}: {what} ({translate(why)})")
+    for note in document.notes:
+        yield from _wrap_words("", f"{translate('note')}: {translate(note)}")
     if document.since_green is not None:
         green = document.since_green
         at = time_text(green.at, document.time_zone)

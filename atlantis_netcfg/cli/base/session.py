@@ -355,7 +355,8 @@ class CommandSession:
                 saved_runs.append(run)
                 failure = f"; its result could not be written: {error.strerror}"
         folder = self.store.root / (sites[0] if len(sites) == 1 else "*") / "runs"
-        return f"{', '.join(saved_runs)} in {paths.shorten_home(folder)}{failure}" if saved_runs else ""
+        record = f"{', '.join(saved_runs)} in {paths.shorten_home(folder)}{failure}"
+        return translate(record) if saved_runs else ""
 
     def _next_command(self, report: RunReport) -> str:
         """Return the next command after success; after an error, the device has its own hint."""

@@ -412,7 +412,7 @@ def _with_consent(item: report.Item, entry: checklist.PlanEntry, by: str) -> rep
     return item.model_copy(update={"evidence": (*item.evidence, word)})
 
 
-_PHASES: Mapping[report.Phase, str] = {
+_PHASES = {
     report.Phase.BENCH: "BENCH",
     report.Phase.QUAY: "QUAY",
     report.Phase.WATER: "IN WATER",
@@ -572,7 +572,7 @@ class Prompt:
         return Path(path_text).expanduser()
 
 
-_LABEL = re.compile(r" *\S+ {2,}| *")
+_LABEL = re.compile(r" *\S+( \S+)? {2,}| *")
 """Start of a line before its text: the label of a column, or blanks."""
 
 

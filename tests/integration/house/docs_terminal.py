@@ -1,8 +1,11 @@
 """A command of a page at a pseudo-terminal, and somebody who types what the page shows when a question is asked."""
 
+import fcntl
 import os
 import select
+import struct
 import subprocess
+import termios
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,9 +16,15 @@ ANSWER_S = 120
 """A rehearsal is quieter for less than that before its next question."""
 
 
-def at_a_terminal(command: Shown, cwd: Path, environment: Mapping[str, str]) -> tuple[int, str]:
-    """The exit code, and all that was seen. Fails where a question of the page is never asked, or another one is."""
+def at_a_terminal(
+    command: Shown, cwd: Path, environment: Mapping[str, str], rows: int = 0, columns: int = 0
+) -> tuple[int, str]:
+    """The exit code, and all that was seen. Fails where a question of the page is never asked, or another one is.
+
+    A terminal of 0 columns is one of unknown width: no line is wrapped.
+    """
     ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
     with subprocess.Popen(
         # setsid makes the pseudo-terminal the one from which a password would be read, too.
         ["setsid", "--ctty", "--wait", "bash", "-c", command.command],

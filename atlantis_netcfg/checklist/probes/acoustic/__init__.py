@@ -437,14 +437,14 @@ def _sent_by_a_person(cell: base.Cell, partner: int) -> base.Step:
 
 def _manual_step(cell: base.Cell) -> base.Step:
     is_declared = cell.endpoints.acoustic is not None
-    why = "has no address at this site" if is_declared else "is not in the inventory"
+    why = "it has no address at this site" if is_declared else "it is not in the inventory"
     return base.Step(
         name="",
         title=f"The acoustic modem of {cell.name} sends and receives",
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
         do=(
-            f"The modem of {cell.name} {why}, so the program cannot query it. In the water, and never in air, make "
+            f"The program cannot query the modem of {cell.name}: {why}. In the water, and never in air, make "
             "the vehicle's software send a message to another modem of the test, and one back."
         ),
         look_for="Both are acknowledged; the modem reports no alarm; no other vehicle has its acoustic address.",

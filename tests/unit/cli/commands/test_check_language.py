@@ -77,9 +77,10 @@ def test_longer_translations_fit_the_screen(tmp_path: Path, monkeypatch: pytest.
 
 def test_long_message_is_indented() -> None:
     said: list[str] = []
-    Prompt(say=said.append).say(f"  {'FAIL':<12} sparus/wifi: {'far away ' * 12}\n  do        {'look ' * 20}")
+    labels = f"  do        {'look ' * 20}\n  look for  {'it ' * 30}"
+    Prompt(say=said.append).say(f"  {'FAIL':<12} sparus/wifi: {'far away ' * 12}\n{labels}")
     first, second, *steps = said[0].splitlines()
     assert first.startswith("  FAIL         sparus/wifi: far")
     assert second.startswith(f"{'':<15}away")
-    assert [step[:12] for step in steps] == ["  do        ", f"{'':<12}"]
+    assert [step[:12] for step in steps] == ["  do        ", f"{'':<12}", "  look for  ", f"{'':<12}"]
     assert max(map(len, said[0].splitlines())) <= 80

@@ -77,6 +77,15 @@ def test_printer_wraps_on_a_terminal_only() -> None:
     assert file.getvalue() == text
 
 
+def test_a_row_with_a_long_path_keeps_the_path_whole_on_a_terminal() -> None:
+    path = f"~/{'x' * 75}"
+    with terminal(80) as shown, os.fdopen(os.dup(shown.descriptor), "w") as stream:
+        printable.show([("report: ", StyledText(path, Style.QUIET)), "  kept in " + "many words " * 9], stream)
+    lines = [line for line in shown.lines if line]
+    kept = "  kept in many words many words many words many words many words many words many"
+    assert lines == ["report:", path, kept, "  words many words many words"]
+
+
 def test_nested_data_is_cleaned() -> None:
     told = {"a": ["\x1b", {"b": ("\u202e", 1, None)}], "c": True}
     assert printable.clean(told) == {"a": ["\\u001b", {"b": ["\\u202e", 1, None]}], "c": True}
