@@ -124,10 +124,6 @@ class Answers:
             raise AnswersInvalid(findings)
         return answers
 
-    def confirmation(self, item: str) -> Confirmation | None:
-        """Return the answer to a step; None if there is none."""
-        return self.confirmations.get(item)
-
     def consents(self, item: str) -> str | None:
         """Return who consents to an active step, in that person's words; None if nobody does."""
         return self.consent_by_item.get(item)

@@ -52,12 +52,13 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
         print(json_text({"exit": int(errors.ExitCode.DONE), "errors": [], "runs": rows, "archived": archived_count}))
     else:
         width = width_of(sys.stdout) or printable.NARROW
-        lines = (line for key, group in _groups(rows).items() for line in _command_lines(store, key, group))
+        lines = [line for key, group in _groups(rows).items() for line in _command_lines(store, key, group)]
+        if archived_count and not everything:
+            hint = f"{archived_count} older runs are archived: `provision report runs --all` lists them too"
+            lines.append(translate(hint))
         printable.show(
             (row for line in lines for row in printable.wrap_row(line, width, _DETAIL_INDENT + 2)), sys.stdout
         )
-        if archived_count and not everything:
-            print(translate(f"{archived_count} older runs are archived: `provision report runs --all` lists them too"))
     return errors.ExitCode.DONE
 
 

@@ -23,7 +23,6 @@ __all__ = ["NOT_REHEARSED", "AtModemSpec", "RunningModem"]
 
 
 NOT_REHEARSED = ("an AT modem: USB, its other ports, and programs that try to open it",)
-_ABSENT = "+CME ERROR: 10"
 
 
 class AtModemSpec(BaseModel):

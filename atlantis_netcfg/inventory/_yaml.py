@@ -76,17 +76,6 @@ class Node:
             return [node.data() for node in self.value]
         return self.value
 
-    def scalars(self) -> Iterator[Node]:
-        """Every scalar at or below this node."""
-        if isinstance(self.value, dict):
-            for node in self.value.values():
-                yield from node.scalars()
-        elif isinstance(self.value, list):
-            for node in self.value:
-                yield from node.scalars()
-        else:
-            yield self
-
 
 TAG = "!vault"
 OLD_TAG = "!vault-encrypted"

@@ -42,6 +42,8 @@ _CEPT_5GHZ = (
     Range(5725, 5875, False, False, 14.0, "5725-5875 MHz is for short-range devices of 25 mW only"),
 )
 _CEPT_2GHZ = (Range(2400, 2483.5, True, True, 20.0, "2400-2483.5 MHz"),)
+UNKNOWN = "later"
+"""Country whose rules are not known here: rehearsals use the European ones, real radios are refused."""
 _COUNTRIES = (
     "portugal:PT:Europe/Lisbon,belgium:BE:Europe/Brussels,austria:AT:Europe/Vienna,bulgaria:BG:Europe/Sofia,"
     "croatia:HR:Europe/Zagreb,cyprus:CY:Asia/Nicosia,denmark:DK:Europe/Copenhagen,estonia:EE:Europe/Tallinn,"
@@ -50,11 +52,11 @@ _COUNTRIES = (
     "latvia:LV:Europe/Riga,lithuania:LT:Europe/Vilnius,luxembourg:LU:Europe/Luxembourg,malta:MT:Europe/Malta,"
     "netherlands:NL:Europe/Amsterdam,norway:NO:Europe/Oslo,poland:PL:Europe/Warsaw,romania:RO:Europe/Bucharest,"
     "slovakia:SK:Europe/Bratislava,slovenia:SI:Europe/Ljubljana,spain:ES:Europe/Madrid,"
-    "sweden:SE:Europe/Stockholm,switzerland:CH:Europe/Zurich"
+    f"sweden:SE:Europe/Stockholm,switzerland:CH:Europe/Zurich,{UNKNOWN}:00:UTC"
 )
 _ROWS = [row.split(":") for row in _COUNTRIES.split(",")]
 COUNTRY_CODES: dict[str, str] = {name: code for name, code, _ in _ROWS}
-"""Country name in RouterOS to its ISO 3166-1 code, as used by Linux."""
+"""Country name in RouterOS to its ISO 3166-1 code, as used by Linux; 00 is the whole world."""
 TIME_ZONES: dict[str, str] = {name: zone for name, _, zone in _ROWS}
 """Country name in RouterOS to the time zone of its capital."""
 RANGES: dict[str, dict[str, tuple[Range, ...]]] = {
@@ -84,6 +86,11 @@ WIDTHS: dict[str, tuple[int, ...]] = {
     "802.11ax": (20, 40, 80),
 }
 """Standard to its channel widths in MHz, as far as the inventory supports them."""
+
+
+def name_in_routeros(country: str) -> str:
+    """Return the country whose rules a router applies: in a rehearsal with unknown rules, the default of RouterOS."""
+    return "latvia" if country == UNKNOWN else country
 
 
 def is_channel(band: str, frequency: int) -> bool:

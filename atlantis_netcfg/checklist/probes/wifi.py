@@ -216,6 +216,8 @@ def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None
 
 def judge_country(country: str, rules: Rules, where: str) -> Iterator[LinkFinding]:
     """Compare the regulatory country of the computer's radios with the pilot's; a missing one is not judged."""
+    if country == channels.UNKNOWN:
+        return
     country_code = channels.COUNTRY_CODES[country]
     others = [item for item in rules.countries if item not in {country_code, *_NO_COUNTRY}]
     hint = (

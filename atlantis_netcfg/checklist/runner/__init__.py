@@ -12,7 +12,7 @@ from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, Gate
 from atlantis_netcfg.checklist.runner._real import ProbeTransport, RealTransport, ask_here
 from atlantis_netcfg.checklist.runner._run import examine, utc_now
 from atlantis_netcfg.checklist.runner.cost import previews
-from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, telling, trouble_answer
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, trouble_answer
 
 __all__ = [
     "GatewayAccess",
@@ -25,7 +25,6 @@ __all__ = [
     "ask_here",
     "examine",
     "previews",
-    "telling",
     "trouble_answer",
     "utc_now",
     "way_in",

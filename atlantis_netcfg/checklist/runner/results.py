@@ -11,27 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import probes
-from atlantis_netcfg.core import events
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.core.errors import NetcfgError
-
-
-def telling(notify: events.Subscriber, total: int, on_settle: Callable[[Item], None]) -> Callable[[Item], None]:
-    """Return an `on_settle` for `examine` that also reports each item: `done_count` of `total`, verdict, message."""
-    done_count = 0
-
-    def tell(item: Item) -> None:
-        nonlocal done_count
-        on_settle(item)
-        done_count += 1
-        data = {"verdict": item.verdict.value, "seconds": item.seconds}
-        notify(
-            events.Event(item.id, events.Stage.DONE, f"{item.verdict.value}: {item.message}", done_count, total, data)
-        )
-
-    return tell
 
 
 _ANSWERS: Mapping[type, type[probes.Answer]] = {

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-_UPLOAD = ".auto.rsc"
-
-
 class FileSide:
     """SFTP functions of `Device`. Transfers need the policy `ftp` (Manual, User). Assumption: sftp-policy."""
 

@@ -315,14 +315,15 @@ class Transport(StrEnum):
     TCP = "tcp"
 
 
-Country = Literal[  # noqa: RUF041 - flat, it is formatted as 29 lines
+Country = Literal[  # noqa: RUF041 - flat, it is formatted as 30 lines
+    Literal["later"],
     Literal["portugal", "belgium", "austria", "bulgaria", "croatia", "cyprus", "denmark"],
     Literal["estonia", "finland", "france", "germany", "greece", "hungary", "iceland"],
     Literal["ireland", "italy", "latvia", "lithuania", "luxembourg", "malta", "netherlands"],
     Literal["norway", "poland", "romania", "slovakia", "slovenia", "spain", "sweden"],
     Literal["switzerland"],
 ]
-"""Country with known radio rules, by its name in RouterOS."""
+"""Country with known radio rules, by its name in RouterOS; `later`: a rehearsal does not need one."""
 
 
 class WifiRadio(Model):

@@ -189,7 +189,10 @@ class Pilot(_base.Model):
     example_values: StrictBool
     """True while the inventory holds the shipped example values: only rehearsals may use them."""
     country: _base.Country
-    """Regulatory domain of the radios, as RouterOS names it; ask its authority for national deviations."""
+    """Regulatory domain of the radios, as RouterOS names it; ask its authority for national deviations.
+
+    `later` is for other countries: rehearsals then use the European rules, and real radios are refused.
+    """
     time_zone: _base.Text
     """Name of the IANA database; the clocks of all devices show it."""
     time_servers: Annotated[tuple[TimeServer, ...], Field(min_length=1)]

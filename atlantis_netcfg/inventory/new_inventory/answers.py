@@ -196,7 +196,7 @@ class PilotAnswers(Model):
     name: model.Text
     """Display name of the pilot."""
     country: model.Country
-    """Regulatory domain of the radios."""
+    """Regulatory domain of the radios; `later` allows rehearsals only."""
     time_zone: model.Text | None = None
     """Name from the IANA database; None: the country's time zone."""
     time_servers: tuple[model.Address, ...] = ()

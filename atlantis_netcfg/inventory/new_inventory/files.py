@@ -152,6 +152,10 @@ def _hosts(writer: InventoryWriter) -> dict[str, yaml_text.Tree]:
     return {"all": {"children": groups}}
 
 
+def _country(answers: InventoryAnswers) -> yaml_text.Value:
+    return yaml_text.Value(answers.pilot.country, answers.pilot.country == channels.UNKNOWN)
+
+
 def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, yaml_text.Tree]:
     answers = writer.answers
     servers = answers.pilot.time_servers or (None,)
@@ -163,8 +167,9 @@ def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, yaml_t
     pilot: dict[str, yaml_text.Tree] = {
         "name": answers.pilot.name,
         "example_values": example_values,
-        "country": answers.pilot.country,
-        "time_zone": answers.pilot.time_zone or channels.TIME_ZONES[answers.pilot.country],
+        "country": _country(answers),
+        "time_zone": answers.pilot.time_zone
+        or yaml_text.Value(channels.TIME_ZONES[answers.pilot.country], answers.pilot.country == channels.UNKNOWN),
         "time_servers": [
             {"name": name, "address": value_or_example(server, example[1])}
             for name, server in zip(names, servers, strict=True)
@@ -476,7 +481,7 @@ def _add_bridge(writer: InventoryWriter, number: int, name: str, bridge: BridgeA
         "band": "5ghz",
         "frequency_mhz": value_or_example(bridge.frequency_mhz, 5500),
         "width_mhz": 20,
-        "country": writer.answers.pilot.country,
+        "country": _country(writer.answers),
         "outdoor": True,
         "key": key,
         "tx_power_dbm": value_or_example(bridge.tx_power_dbm, 10),

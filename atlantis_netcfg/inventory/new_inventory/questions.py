@@ -70,7 +70,7 @@ _PLACE = (
 )
 _PILOT = (
     Question("name", "Name of the pilot", ""),
-    Question("country", "Country of the radios (EU or EFTA, such as portugal)", ""),
+    Question("country", "Country of the radios (in the EU or EFTA; or later)", ""),
     Question("time_zone", "Time zone", "that of the country", is_detail=True),
     Question("time_servers", "Addresses of time servers", is_detail=True),
     Question("ros_distribution", "ROS 2 of the gateways (foxy, humble, jazzy)", "neither ROS nor DDS"),

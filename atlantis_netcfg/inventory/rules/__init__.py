@@ -69,5 +69,5 @@ RULES: tuple[Rule, ...] = (
     *secrets.RULES,
 )
 
-WARNINGS: tuple[Rule, ...] = (*lan.WARNINGS, *satellite.COST_WARNINGS, *vehicles.WARNINGS)
+WARNINGS: tuple[Rule, ...] = (*lan.WARNINGS, *radio.WARNINGS, *satellite.COST_WARNINGS, *vehicles.WARNINGS)
 """Rules for values that are allowed but not recommended; their findings stop nothing."""

@@ -163,6 +163,29 @@ def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
             yield draft.finding_at(part, (block, "country"), message, "make both equal")
 
 
+def require_known_rules(draft: _draft.Draft) -> Iterator[findings.Finding]:
+    """Require a country with known rules where the inventory has radios."""
+    if draft.pilot is not None and not draft.pilot.example_values:
+        yield from _unknown_rules(draft, draft.pilot)
+
+
+def warn_of_unknown_rules(draft: _draft.Draft) -> Iterator[findings.Finding]:
+    """Report a country without known rules where the inventory is for rehearsals only."""
+    if draft.pilot is not None and draft.pilot.example_values:
+        yield from _unknown_rules(draft, draft.pilot)
+
+
+def _unknown_rules(draft: _draft.Draft, pilot: model.Pilot) -> Iterator[findings.Finding]:
+    has_radios = any(_transmitters(draft)) or any(vehicle.endpoints.wifi for vehicle in draft.vehicles.values())
+    if pilot.country == channels.UNKNOWN and has_radios:
+        message = "the radio rules of the country are unknown: rehearsals use the European ones, real runs are refused"
+        hint = (
+            "write the country; if it is not available, ask its authority for the channels and their power, and enter "
+            "them in atlantis_netcfg/inventory/channels.py"
+        )
+        yield draft.finding_at(_draft.Part("pilot"), ("country",), message, hint)
+
+
 def key(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require a key that both ends accept; an encrypted key cannot be checked."""
     for part, block, radio in _transmitters(draft):
@@ -278,11 +301,13 @@ RULES: tuple[_draft.Rule, ...] = (
     wpa,
     channel,
     country,
+    require_known_rules,
     key,
     peers,
     agree,
     check_bridge_radios,
 )
+WARNINGS: tuple[_draft.Rule, ...] = (warn_of_unknown_rules,)
 
 _SHORT_M = 500
 _LIGHT_M_S = 299_792_458.0

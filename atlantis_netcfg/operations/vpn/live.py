@@ -70,11 +70,6 @@ class PushResult:
     notes: tuple[str, ...] = ()
     """Actions that were not carried out."""
 
-    @property
-    def has_changed(self) -> bool:
-        """Whether the push changed anything."""
-        return bool(self.changes)
-
 
 @dataclass(frozen=True, slots=True)
 class RevocationEvidence:

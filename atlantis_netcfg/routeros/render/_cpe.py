@@ -7,7 +7,7 @@ from functools import cache
 from math import ceil
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory.channels import lower_edge
+from atlantis_netcfg.inventory import channels
 from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.routeros.render._environment import environment
 from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network
@@ -164,6 +164,7 @@ def access_point(radio: model.RouterAccessPoint) -> view.RadioView:
 def _plain(radio: model.WifiRadio, family: str) -> view.RadioView:
     """Return the view of a plain 802.11 access point."""
     legacy = family == "wireless"
+    country = channels.name_in_routeros(radio.country)
     low = radio.frequency_mhz - radio.width_mhz // 2
     weather = low < _WEATHER_MHZ[1] and radio.frequency_mhz + radio.width_mhz // 2 > _WEATHER_MHZ[0]
     return view.RadioView(
@@ -175,7 +176,7 @@ def _plain(radio: model.WifiRadio, family: str) -> view.RadioView:
         band=_band(radio, legacy=legacy),
         frequency_mhz=radio.frequency_mhz,
         width=_width(radio, legacy=legacy),
-        country=radio.country if legacy else radio.country.capitalize(),
+        country=country if legacy else country.capitalize(),
         installation="outdoor" if radio.outdoor else "indoor",
         skip_dfs="disabled" if weather else "10min-cac",
         key=radio.key,
@@ -198,7 +199,7 @@ def _width(radio: model.WifiRadio, *, legacy: bool) -> str:
     sizes = "/".join(str(size) for size in (20, 40, 80) if size <= radio.width_mhz) + "mhz"
     if not legacy and radio.width_mhz > 2 * _STEP_MHZ:
         return sizes  # the newer menus have no words for the place in wider channels
-    low = lower_edge(radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor)
+    low = channels.lower_edge(radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor)
     letters = ["e"] * (radio.width_mhz // _STEP_MHZ)
     letters[round(radio.frequency_mhz - _STEP_MHZ // 2 - low) // _STEP_MHZ] = "C"
     return f"{sizes}-{''.join(letters)}"

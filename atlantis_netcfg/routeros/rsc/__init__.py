@@ -10,12 +10,9 @@ from __future__ import annotations
 from atlantis_netcfg.routeros.rsc._model import Export, RscError, Statement
 from atlantis_netcfg.routeros.rsc._parse import parse
 from atlantis_netcfg.routeros.rsc._print import (
-    VOLATILE_COMMENTS,
     WIDTH,
     console_path,
-    drop_volatile,
     in_quotes,
-    is_volatile,
     print_export,
     print_statement,
     quote,
@@ -23,15 +20,12 @@ from atlantis_netcfg.routeros.rsc._print import (
 )
 
 __all__ = [
-    "VOLATILE_COMMENTS",
     "WIDTH",
     "Export",
     "RscError",
     "Statement",
     "console_path",
-    "drop_volatile",
     "in_quotes",
-    "is_volatile",
     "parse",
     "print_export",
     "print_statement",

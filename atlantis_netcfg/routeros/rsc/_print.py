@@ -7,7 +7,7 @@ Windows code page) is kept as a lone surrogate (`surrogateescape`), so that noth
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros.rsc import _model
@@ -239,43 +239,3 @@ class _Page:
     def text(self) -> str:
         """Return all lines, without a final line end."""
         return "\n".join([*self.lines, self.line])
-
-
-VOLATILE_COMMENTS: tuple[str, ...] = (
-    r"poe-out status: .*",
-    r"(?:managed by CAPsMAN|operated by CAP)(?: .*)?",
-    r"channel: .*",
-    r"mode: \w+, SSID: .*",
-    r"disabled",
-    r"Interface not active",
-    r".+ not ready",
-    r"inactive time",
-    r"inactivated, not allowed by device-mode",
-    r"error exporting .*",
-)
-"""Regular expressions that match a whole comment line, without `# `, above a row or a menu."""
-
-_VOLATILE = re.compile("|".join(f"(?:{pattern})" for pattern in VOLATILE_COMMENTS))
-
-
-def is_volatile(comment: str) -> bool:
-    """Return True if a comment line (without `# `) reports state instead of configuration.
-
-    Such lines differ between two exports of one configuration.
-    """
-    return _VOLATILE.fullmatch(comment) is not None
-
-
-def drop_volatile(export: _model.Export) -> _model.Export:
-    """Return the export without comments that report state."""
-    return replace(
-        export,
-        statements=tuple(
-            replace(statement, comments=_lasting_comments(statement.comments)) for statement in export.statements
-        ),
-        trailer=_lasting_comments(export.trailer),
-    )
-
-
-def _lasting_comments(comments: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(comment for comment in comments if not is_volatile(comment))

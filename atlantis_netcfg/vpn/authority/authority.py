@@ -1,4 +1,4 @@
-"""The authority's folder as used by commands: read it, sign with it, reseal the CA key, or create it.
+"""The authority's folder as used by commands: read it, sign with it, or create it.
 
 Creation writes everything beside the ledger first, then the ledger, atomically. A folder with a ledger is an authority.
 One with the mark `founding` and no ledger was left by a killed `init`. Nobody has seen its content, and it is created
@@ -34,7 +34,7 @@ from atlantis_netcfg.vpn.authority.ledger_session import (
 )
 from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, records
-from atlantis_netcfg.vpn.ledger.records import FoundingRecord, ResealRecord
+from atlantis_netcfg.vpn.ledger.records import FoundingRecord
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -168,7 +168,7 @@ def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
             f"the CA key is missing in {folder}", hint="restore it from a backup of the authority"
         )
     wrong: Exception | None = None
-    # Two lie there after a change of the seal that was killed at its end: either passphrase opens its own.
+    # A backup may have put a second one there: either passphrase opens its own.
     for sealing, data in sealed_files.items():
         try:
             pem = pki.unseal(data, passphrase) if sealing == "age" else pki.vault_unseal(data, passphrase)
@@ -178,32 +178,6 @@ def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
             return pki.load_ca(certificate, Secret(pem.decode("ascii")))
     assert wrong is not None  # noqa: S101 - there was one to open
     raise wrong
-
-
-def reseal_ca(
-    folder: Path, ledger_session: LedgerSession, passphrases: tuple[Secret, Secret], sealing: Sealing
-) -> pki.Ca:
-    """Record the new passphrase, then replace the sealed key atomically; return the opened CA.
-
-    `passphrases`: old and new.
-    """
-    old, new = passphrases
-    try:
-        ca = unseal_ca(folder, old)
-    except pki.WrongPassphrase:
-        # The repeat of a command that was killed at its end: done, if the new one opens it.
-        if not (folder / model.SEALED_KEY_FILES[sealing]).exists():
-            raise
-        ca = unseal_ca(folder, new)
-    read_head(folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)
-    data = seal_ca_key(pki.key_pem(ca.key), new, sealing)
-    ledger_session.write([ResealRecord(sealed_by=sealing)], new_operation())
-    with model.os_errors_as("the CA key cannot be written"):
-        runs.write_atomically(folder / model.SEALED_KEY_FILES[sealing], data)
-        for other, name in model.SEALED_KEY_FILES.items():
-            if other != sealing:
-                model.forget(folder / name)
-    return ca
 
 
 _DAY = timedelta(days=1)
@@ -299,10 +273,6 @@ class Authority:
         with model.os_errors_as("the CA key cannot be read"):
             path = self.folder / model.SEALED_KEY_FILES["age"]
             return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
-
-    def last_delivery(self, common_name: str) -> records.DeliveryRecord | None:
-        """Return the last delivery record of a certificate; None if never delivered. Raises CorruptLedgerError."""
-        return self._state().delivered.get(common_name)
 
     def crl(self) -> bytes:
         """Return the published revocation list, PEM.
@@ -408,28 +378,6 @@ class Authority:
         with self._open_for_writing(who) as (ledger_session, _):
             out = [entry for entry in ledger_session.state.membership().queued_names if entry in name_set]
             ledger_session.write([records.SettlementRecord(common_name=item) for item in out], new_operation())
-
-    def record_delivery(self, common_name: str, file: model.EnrolmentFile, who: str = "") -> None:
-        """Record that a member's file was created or delivered again. Raises UsageError for a revoked one."""
-        with self._open_for_writing(who) as (ledger_session, _):
-            good = {
-                certificate.common_name
-                for _, certificate in ledger_session.state.membership().certificates()
-                if certificate.good
-            }
-            if common_name not in good:
-                raise UsageError(
-                    f"`{ascii(common_name)[1:-1][:70]}` is not a certificate in use",
-                    hint="`provision vpn list` lists them all",
-                )
-            record = records.DeliveryRecord(common_name=common_name, path=file.path, sha256=file.sha256)
-            ledger_session.write([record], new_operation())
-
-    def reseal(self, old: Secret, new: Secret, who: str, sealed_by: Sealing = "age") -> None:
-        """Encrypt the CA key with another passphrase. Repeating it has no effect."""
-        with self._open_for_writing(who) as (ledger_session, _):
-            ca = reseal_ca(self.folder, ledger_session, (old, new), sealed_by)
-            sign_head(self.folder, ledger_session, ca)
 
     def _state(self) -> ledger.LedgerState:
         return ledger.LedgerState(self.history())

@@ -169,14 +169,6 @@ class TakeoverRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ResealRecord:
-    """The CA key is about to be encrypted with another passphrase."""
-
-    kind: Literal["resealed"] = "resealed"
-    sealed_by: Literal["age", "vault"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ClockTrustRecord:
     """The clock was before the last record, and the user confirmed that it is right."""
 
@@ -199,7 +191,6 @@ Record = Annotated[
     | SettlementRecord
     | PublicationRecord
     | TakeoverRecord
-    | ResealRecord
     | ClockTrustRecord,
     Field(discriminator="kind"),
 ]
@@ -266,7 +257,7 @@ def _server_text(record: SightingRecord | SupersedeRecord | SettlementRecord) ->
 
 
 def _authority_text(
-    record: FoundingRecord | ServerIssueRecord | PublicationRecord | ResealRecord | ClockTrustRecord,
+    record: FoundingRecord | ServerIssueRecord | PublicationRecord | ClockTrustRecord,
 ) -> str:
     match record:
         case FoundingRecord():
@@ -277,8 +268,6 @@ def _authority_text(
         case PublicationRecord():
             current = f"{record.revoked} revoked, valid until {_day(record.next_update)}"
             return f"revocation list {record.number} signed: {current}"
-        case ResealRecord():
-            return f"the passphrase of the CA key was changed ({record.sealed_by})"
         case ClockTrustRecord():
             return (
                 "the clock was confirmed as right, although the previous record is dated "

@@ -164,9 +164,6 @@ class LedgerState:
     def _taken(self, entry: LedgerEntry, record: records.TakeoverRecord) -> None:
         self.taken.update(dict.fromkeys(record.serials, entry.at))
 
-    def _resealed(self, _: LedgerEntry, record: records.ResealRecord) -> None:
-        """Do nothing: only relevant for an audit."""
-
     def _clock_trusted(self, _: LedgerEntry, record: records.ClockTrustRecord) -> None:
         """Do nothing: only relevant for an audit."""
 

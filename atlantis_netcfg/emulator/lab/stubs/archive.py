@@ -139,12 +139,11 @@ def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a tes
     architectures: Sequence[str] = ("amd64", "arm64"),
     signed_at: datetime | None = None,
     expires: datetime | None = None,
-    release_date: datetime | None = None,
 ) -> StubArchive:
     """Build the packages and sign the archive, all below `folder`. Raises StubError.
 
     `signed_at`: date of the signature, by default now; the key is an hour older. `expires`: of the key, by default a
-    year later; `release_date`: the archive's own date.
+    year later.
     """
     if why := why_no_archive():
         raise StubError(f"no archive of stand-ins can be made: {why}", hint="sudo apt-get install dpkg gnupg")
@@ -163,7 +162,7 @@ def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a tes
     sign_time = signed_at or datetime.now(UTC)
     release = (
         f"Origin: ATLANTIS stand-ins\nLabel: ATLANTIS stand-ins, not ROS\nSuite: {codename}\nCodename: {codename}\n"
-        f"Date: {format_datetime(release_date or sign_time, usegmt=True)}\nArchitectures: {' '.join(architectures)}\n"
+        f"Date: {format_datetime(sign_time, usegmt=True)}\nArchitectures: {' '.join(architectures)}\n"
         "Components: main\nDescription: stand-ins for rehearsals and tests\nSHA256:\n" + "\n".join(sums) + "\n"
     )
     (dist / "Release").write_text(release, encoding="utf-8")

@@ -90,7 +90,6 @@ def _pop(stack: list[bool]) -> bool:
     return stack.pop() if stack else True
 
 
-_GOING_ON = ("follow", "follow-only", "interval")
 _PROPLIST = (".proplist", "proplist")
 _ANY = {
     *_PROPLIST,

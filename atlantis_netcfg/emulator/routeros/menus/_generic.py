@@ -118,7 +118,6 @@ def generic(schema: Schema, path: str) -> _model.EmulatedMenu:
         builtin_flag="default" if factory else "",
         select=_model.Select.NAME if path in _NAME_PROPERTIES else _model.Select.INDEX,
         of_the_board=path in _OF_THE_BOARD or (is_fixed and not factory),
-        is_modelled=False,
     )
 
 

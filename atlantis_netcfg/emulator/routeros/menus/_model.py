@@ -105,8 +105,6 @@ class EmulatedMenu:
     """Exports print all given values, even defaults, as the menus of the routing process do."""
     of_the_board: bool = False
     """Its rows depend on the board; those of this router are unknown."""
-    is_modelled: bool = True
-    """False: only argument names are checked, against the command tree."""
     by_name: dict[str, Arg] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

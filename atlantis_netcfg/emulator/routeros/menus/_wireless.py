@@ -12,7 +12,6 @@ from atlantis_netcfg.emulator.routeros.menus import _model
 _SWITCH = values.Choice(("disabled", "enabled"))
 _UNIQUE_NAME = _model.Unique(("name",), "failure: already have interface with such name")
 _EXISTS = _model.Unique(("name",), "failure: item with such name already exists")
-_NO_MAC = "00:00:00:00:00:00"
 _CIPHERS = values.Choices(("tkip", "aes-ccm"))
 _WEP = values.Choice(("104bit-wep", "40bit-wep", "aes-ccm", "none", "tkip"))
 _BANDS = (

@@ -29,8 +29,6 @@ REQUEST = 254
 """Private type, only if authenticated: `MessageRequest` in a request; `RequestStatus` or `CHUNK` in its reply."""
 FLAG_UNRECOGNISED = 0x80
 """Set by the sender; a reflector that knows the type clears it."""
-FLAG_MALFORMED = 0x40
-INTEGRITY = 0x20
 
 _NTP_1970 = 2_208_988_800
 _ERA = 1 << 32

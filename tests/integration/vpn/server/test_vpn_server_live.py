@@ -31,7 +31,7 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
         assert live.push(stand.declaration, stand.authority, link).changes == ()
         assert drift() == ()
         name = stand.laptop("two")
-        assert live.push(stand.declaration, stand.authority, link).has_changed
+        assert live.push(stand.declaration, stand.authority, link).changes
         assert stand.run("--check")["changes"] == []
         assert stand.run()["changes"] == []
         pid = stand.pid()

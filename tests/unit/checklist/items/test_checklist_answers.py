@@ -50,9 +50,9 @@ def _read(folder: Path, text: str, names: tuple[str, ...] = EVERY, beyond: tuple
 def test_a_whole_file(tmp_path: Path) -> None:
     answers = _read(tmp_path, WHOLE)
     photo = (tmp_path / "failsafe.jpg",)
-    assert answers.confirmation(FAILSAFE) == Confirmation(Verdict.PASS, NAME, "motors stopped after 2 s", photo)
-    assert answers.confirmation(USBL) == Confirmation(Verdict.WARN, "B. Pilot", "fixes jump by 2 m")
-    assert answers.confirmation(WIFI) is None
+    assert answers.confirmations.get(FAILSAFE) == Confirmation(Verdict.PASS, NAME, "motors stopped after 2 s", photo)
+    assert answers.confirmations.get(USBL) == Confirmation(Verdict.WARN, "B. Pilot", "fixes jump by 2 m")
+    assert answers.confirmations.get(WIFI) is None
     assert answers.consents(PING) == "A. Technician: in the water, nobody dives near it"
     assert answers.consents(USBL) is None
     assert answers.overrides == {

@@ -279,9 +279,9 @@ def test_shipped_answers_are_complete(coastal: Checklist) -> None:
     for one in coastal.entries:
         name, kind = one.item.id, one.item.kind
         if kind is ItemKind.PERSON and one.item.open:
-            assert answers.confirmation(name) is not None, f"no answer to {name} in {ANSWERS.name}"
+            assert answers.confirmations.get(name) is not None, f"no answer to {name} in {ANSWERS.name}"
         if kind is ItemKind.ACTIVE and one.item.open:
-            agreed = answers.consents(name) or answers.confirmation(name)
+            agreed = answers.consents(name) or answers.confirmations.get(name)
             assert agreed is not None, f"no consent to {name} in {ANSWERS.name}"
     assert answers.sign_by == "A. Technician"
 

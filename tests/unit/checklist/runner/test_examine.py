@@ -31,8 +31,8 @@ from atlantis_netcfg.checklist.probes import (
     Trouble,
 )
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase
-from atlantis_netcfg.checklist.runner import OnAnswer, Questions, _run, examine, telling
-from atlantis_netcfg.core.events import Event, Stage, Verdict
+from atlantis_netcfg.checklist.runner import OnAnswer, Questions, _run, examine
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT
 from atlantis_netcfg.links import LinkFinding
@@ -360,15 +360,3 @@ def test_declared_requests_are_allowed(tmp_path: Path) -> None:
     questions = (tcp(), Listen("udp", Place.GATEWAY, "udp", port=14550), RouterOsQuery("ping", "coastal-router", ping))
     (item,) = examined([entry("it", Fake(questions))], Ears(), tmp_path)
     assert item.verdict is Verdict.PASS
-
-
-def test_progress_is_reported_item_by_item(tmp_path: Path) -> None:
-    events: list[Event] = []
-    kept: list[Item] = []
-    entries = [entry("a", Fake()), entry("b", Fake(findings=(LinkFinding(Verdict.FAIL, "bad", "it is bad"),)))]
-    examined(entries, Ears(), tmp_path, telling(events.append, 2, kept.append))
-    assert [(one.device, one.stage, one.message, one.done_count, one.total) for one in events] == [
-        ("coastal/site/a", Stage.DONE, "PASS: all is well", 1, 2),
-        ("coastal/site/b", Stage.DONE, "FAIL: it is bad", 2, 2),
-    ]
-    assert [one.id for one in kept] == ["coastal/site/a", "coastal/site/b"]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.core import errors
+from atlantis_netcfg.core import errors, language
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.runs import Outcome, RunEnd, RunResume, RunStart, Store
 
@@ -219,3 +219,17 @@ def test_journals_without_an_invocation_have_a_row_each(tmp_path: Path, capsys: 
         f"2026-07-02 00:30  exit code 6  {COMMAND}",
     ]
     assert not (tmp_path / "real" / "commands").exists()
+
+
+@pytest.mark.parametrize("archived_count", [1001, 12345678])
+def test_hint_of_archived_runs_fits_80_columns_in_portuguese(
+    archived_count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(store_of(tmp_path))
+    monkeypatch.setattr(language, "_current_language", language.current())  # restored after the test
+    monkeypatch.setattr(Store, "archived_runs", lambda *_: range(archived_count))
+    assert main(["report", "runs", "--lang", "pt"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    hint = f"{archived_count} execuções antigas no arquivo: `provision report runs --all` também as lista"
+    assert " ".join(" ".join(lines[2:]).split()) == hint
+    assert [line for line in lines if len(line) > 80] == []

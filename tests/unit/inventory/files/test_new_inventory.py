@@ -24,7 +24,7 @@ from atlantis_netcfg.inventory.new_inventory.answers import (
     PilotAnswers,
     SiteAnswers,
 )
-from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, validation_error
+from atlantis_netcfg.inventory.new_inventory.questions import _PILOT, Interview, Question, validation_error
 from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, VaultSecret, document
 from atlantis_netcfg.operations.common.vault import Vault
 
@@ -54,6 +54,38 @@ def test_inventory_of_another_european_country_is_valid(country: str, zone: str)
     assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
     pilot = load(Path("douro")).pilot
     assert (pilot.country, pilot.time_zone) == (country, zone)
+
+
+def test_country_is_asked_for_later_and_until_then_real_radios_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("answers.yml").write_text(LEAST.replace("belgium", "later"), encoding="utf-8")
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    inventory = load(Path("douro"))
+    pilot = inventory.pilot
+    assert (pilot.country, pilot.time_zone, pilot.example_values) == ("later", "UTC", True)
+    assert {"country", "time_zone"} <= {example.key for example in inventory.examples}
+    rules = "the radio rules of the country are unknown: rehearsals use the European ones, real runs are refused"
+    assert [finding.message for finding in inventory.warnings if finding.file.endswith("pilot.yml")] == [rules]
+    _declare_real(Path("douro"))
+    capsys.readouterr()
+    assert main(["inventory", "validate", "inventory=douro"]) == ExitCode.USAGE
+    assert capsys.readouterr().err.splitlines()[0] == f"douro/group_vars/all/pilot.yml:8:12: {rules}"
+
+
+def test_inventory_without_radios_needs_no_country(capsys: pytest.CaptureFixture[str]) -> None:
+    answers = "pilot: {name: Douro, country: later}\nsites:\n  pier: {lte: {}}\n"
+    Path("answers.yml").write_text(answers, encoding="utf-8")
+    assert main(["inventory", "init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    assert [finding for finding in load(Path("douro")).warnings if finding.file.endswith("pilot.yml")] == []
+    _declare_real(Path("douro"))
+    assert main(["inventory", "validate", "inventory=douro"]) == ExitCode.USAGE
+    assert "radio rules" not in capsys.readouterr().err
+
+
+def _declare_real(folder: Path) -> None:
+    """Remove the marks of example values, and declare that there are none."""
+    for path in folder.rglob("*.yml"):
+        text = path.read_text(encoding="utf-8").replace(" # EXAMPLE", "")
+        path.write_text(text.replace("example_values: true", "example_values: false"), encoding="utf-8")
 
 
 def test_unanswered_values_are_omitted_or_marked_as_examples(capsys: pytest.CaptureFixture[str]) -> None:
@@ -312,6 +344,15 @@ class TestInterview:
             "`10.0.0.0` has no prefix length: a network is expected here: 10.0.0.0/24",
         ]
         assert asked == ["Local network [an EXAMPLE value]: "] * 3
+
+    def test_country_may_be_answered_later_and_an_unknown_one_is_refused_with_that_choice(self) -> None:
+        question = next(question for question in _PILOT if question.key == "country")
+        interview, asked, told = self.interview(["brazil", "later"])
+        assert interview.answer(PilotAnswers, question) == "later"
+        assert asked == ["Country of the radios (in the EU or EFTA; or later): "] * 2
+        assert [words.split(", belgium")[0] for words in told] == [
+            "`brazil` is not a valid value for `country`: available: later, portugal"
+        ]
 
     def test_enter_skips_an_optional_answer(self) -> None:
         interview, _, _ = self.interview(["", "", "Douro"])

@@ -13,6 +13,7 @@ from atlantis_netcfg.inventory.channels import (
     eirp_dbm,
     is_channel,
     legal,
+    name_in_routeros,
     why_illegal,
 )
 from atlantis_netcfg.inventory.model import Country
@@ -87,6 +88,6 @@ def test_tables_cover_the_model_values() -> None:
 
 def test_emulated_radios_know_every_country() -> None:
     for country in COUNTRY_CODES:
-        rule = find_rule(country, 5500, "20mhz", outdoor=True)
+        rule = find_rule(name_in_routeros(country), 5500, "20mhz", outdoor=True)
         assert rule is not None
         assert rule.eirp_dbm == eirp_dbm(country, "5ghz", 5500, 20, outdoors=True)

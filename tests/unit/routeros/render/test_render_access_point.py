@@ -70,6 +70,8 @@ def test_both_driver_families_get_equivalent_settings() -> None:
     assert newer["configuration.ssid"] == older["ssid"] == "EXAMPLE-ATLANTIS-COASTAL"
     assert newer["channel.frequency"] == older["frequency"] == "5580"
     assert (newer["configuration.country"], older["country"]) == ("Portugal", "portugal")
+    rehearsed = row("wifi", country="later"), row("wireless", country="later")
+    assert (rehearsed[0]["configuration.country"], rehearsed[1]["country"]) == ("Latvia", "latvia")
     assert (newer["datapath.client-isolation"], older["default-forwarding"]) == ("yes", "no")
     assert newer["security.passphrase"] == KEY
 

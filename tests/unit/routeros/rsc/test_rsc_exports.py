@@ -11,7 +11,7 @@ from row_subtests import for_each_row
 from rsc_strategies import exports
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
-from atlantis_netcfg.routeros.rsc import Export, RscError, drop_volatile, is_volatile, parse, print_export
+from atlantis_netcfg.routeros.rsc import Export, RscError, parse, print_export
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[3]
@@ -60,10 +60,6 @@ def texts() -> dict[str, str]:
     return {**read, **twin_exports()}
 
 
-def lasting(comments: list[str]) -> list[str]:
-    return [comment for comment in comments if not is_volatile(comment)]
-
-
 @for_each_row("name", texts())
 def test_printing_an_export_loses_nothing(name: str) -> None:
     text = texts()[name]
@@ -72,15 +68,6 @@ def test_printing_an_export_loses_nothing(name: str) -> None:
     assert after.menus == before.menus
     assert after.comments == before.comments
     assert before.rows
-
-
-@for_each_row("name", texts())
-def test_only_volatile_comments_are_dropped(name: str) -> None:
-    text = texts()[name]
-    before, after = told(text), told(print_export(drop_volatile(parse(text))))
-    assert (after.rows, after.menus) == (before.rows, before.menus)
-    header = list(parse(text).header)
-    assert after.comments == header + lasting(before.comments[len(header) :])
 
 
 @for_each_row("name", texts())

@@ -11,8 +11,6 @@ from atlantis_netcfg.routeros.rsc import (
     RscError,
     Statement,
     console_path,
-    drop_volatile,
-    is_volatile,
     parse,
     print_export,
     print_statement,
@@ -64,8 +62,8 @@ def test_every_mistake_is_explained_with_its_location(path: Path) -> None:
 
 def test_public_names_of_the_package() -> None:
     assert rsc.__all__ == [
-        *("VOLATILE_COMMENTS", "WIDTH", "Export", "RscError", "Statement", "console_path", "drop_volatile"),
-        *("in_quotes", "is_volatile", "parse", "print_export", "print_statement", "quote", "unquote"),
+        *("WIDTH", "Export", "RscError", "Statement", "console_path"),
+        *("in_quotes", "parse", "print_export", "print_statement", "quote", "unquote"),
     ]
 
 
@@ -119,35 +117,6 @@ def test_comments_stay_where_they_were() -> None:
     export = parse(text)
     assert (export.header, export.statements[0].comments, export.trailer) == (("top",), ("first", "second"), ("last",))
     assert list(export.remarks()) == ["top", "first", "second", "last"]
-
-
-@pytest.mark.parametrize(
-    "comment",
-    [
-        "poe-out status: short_circuit",
-        "managed by CAPsMAN",
-        "managed by CAPsMAN 192.0.2.1, traffic processing on CAP",
-        "operated by CAP 192.0.2.6, traffic processing on CAP",
-        "mode: AP, SSID: test, channel: 5180/ax/Ce/I",
-        "mode: AP, SSID: guest",
-        "disabled",
-        "channel: 5220/20-Ce/ac/P(15dBm), SSID: x, CAPsMAN forwarding",
-        "Interface not active",
-        "pppoe-out1 not ready",
-        "inactive time",
-        "inactivated, not allowed by device-mode",
-        'error exporting "/ip/firewall/calea" (timeout)',
-    ],
-)
-def test_volatile_comments_can_be_dropped(comment: str) -> None:
-    assert is_volatile(comment)
-    with_state = parse(f"/ip dns\n# ours\n# {comment}\nset servers=192.0.2.53\n# {comment}\n")
-    without = parse("/ip dns\n# ours\nset servers=192.0.2.53\n")
-    assert drop_volatile(with_state) == without
-
-
-def test_human_comments_are_not_volatile() -> None:
-    assert not any(map(is_volatile, ("atlantis:entire /ip firewall filter", "channel plan", "not ready", "")))
 
 
 @pytest.mark.parametrize(

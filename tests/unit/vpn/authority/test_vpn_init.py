@@ -83,27 +83,6 @@ def test_unusable_folder_is_reported(tmp_path: Path) -> None:
         Authority.init(tmp_path / "file", PASSPHRASE, NAMES, "me")
 
 
-def test_the_passphrase_is_changed(tmp_path: Path) -> None:
-    made = stand(tmp_path)
-    authority = made.authority
-    authority.reseal(PASSPHRASE, OTHER, "me", "vault")
-    with pytest.raises(pki.WrongPassphrase), authority.unlock(lambda: PASSPHRASE, "me"):
-        pass
-    # The repeat of a change that was killed at its end has nothing left to do.
-    authority.reseal(PASSPHRASE, OTHER, "me", "vault")
-    with pytest.raises(pki.WrongPassphrase):
-        authority.reseal(PASSPHRASE, Secret("a third passphrase, never used"), "me", "vault")
-    authority.reseal(OTHER, PASSPHRASE, "me")
-    assert (made.folder / "ca.key.age").exists()
-    assert not (made.folder / "ca.key.vault").exists()
-    with authority.unlock(lambda: PASSPHRASE, "me") as signer:
-        signer.publish()
-    assert "the passphrase of the CA key was changed (age)" in [entry.words for entry in authority.history()]
-    text = (made.folder / "ledger.jsonl").read_text()
-    assert PASSPHRASE.reveal() not in text
-    assert OTHER.reveal() not in text
-
-
 def test_server_certificate_is_renewed_for_new_names_or_before_expiry(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

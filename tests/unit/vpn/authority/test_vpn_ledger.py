@@ -67,7 +67,6 @@ EVERY: tuple[records.Record, ...] = (
     records.SettlementRecord(common_name="iqua-sparus2"),
     records.PublicationRecord(number=2, sha256="ef" * 32, next_update=YEAR, revoked=1),
     records.TakeoverRecord(serials=(2**158 + 3, 7)),
-    records.ResealRecord(sealed_by="vault"),
     records.ClockTrustRecord(before=NOW),
 )
 

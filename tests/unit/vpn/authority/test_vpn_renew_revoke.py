@@ -5,7 +5,7 @@ from ipaddress import IPv4Address
 from pathlib import Path
 
 import pytest
-from authority_stand import Stand, stand, wish
+from authority_stand import Stand, stand
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -196,18 +196,3 @@ def issued(name: str) -> records.IssueRecord:
         key=KeyType.EC,
         der="",
     )
-
-
-def test_repeated_delivery_is_recorded(tmp_path: Path) -> None:
-    made = stand(tmp_path)
-    made.issue("a")
-    made.authority.record_delivery("iqua-a", EnrolmentFile("elsewhere", "00"))
-    last = made.authority.last_delivery("iqua-a")
-    assert last is not None
-    assert last.path == "elsewhere"
-    with made.signing() as signer:
-        assert signer.issue([wish("a")], made.deliver)[0].file == EnrolmentFile("elsewhere", "00")
-        signer.revoke(["iqua-a"], "lost")
-    for name in ("iqua-a", "nobody"):
-        with pytest.raises(UsageError, match=f"`{name}` is not a certificate in use"):
-            made.authority.record_delivery(name, EnrolmentFile("x", "00"))

@@ -267,11 +267,6 @@ def of_the_signer(at: Laptop, act: Callable[[Any], object]) -> str:
         return refused(lambda: act(signer))
 
 
-def no_certificate(at: Laptop) -> str:
-    at.type(*LAPTOP)
-    return refused(lambda: at.authority.record_delivery("qqq", None))  # type: ignore[arg-type] # refused before it is read
-
-
 def an_identity_that_has_ended(at: Laptop) -> str:
     at.type(*ROUTER, "days=20")
 
@@ -391,7 +386,6 @@ SITUATIONS: dict[str, Situation] = {
         "iqua-laptop",
     ),
     "nobody named": (lambda at: of_the_signer(at, lambda signer: signer.revoke([], "a test")), *LIST),
-    "no certificate in use": (no_certificate, *LIST),
     "another wish": (
         another_wish,
         "`provision vpn renew name={}` changes link, wrap, key and system; otherwise use another name",

@@ -75,6 +75,7 @@ CASES = (
     Case("a band that nobody agreed on", {"link": linked(mhz="5975")}),
     Case("the rules of another country", {"rules": rules("PT", "US")}),
     Case("the rules of no country", {"rules": rules("00")}),
+    Case("the rules of another country for an unknown one", {"rules": rules("US")}, probe={"country": "later"}),
     Case("a stranger uses its name", endpoint={"mac": "02:00:5E:00:01:99"}),
     Case("nothing is declared by which to tell", endpoint={"ssid": None}),
     Case("no address is known", probe={"address": None}),
