@@ -19,7 +19,6 @@ TEXT, NUMBER, MESSAGE, OLD = "\ue000", "\ue001", "\ue002", "\ue003"
 NEW, END = "\ue004", "\ue005"
 """Marks in front of the new text of a replacement, and behind each of these parts."""
 _MARK = re.compile(f"[{TEXT}-{END}]")
-_OLD_TEXT = re.compile(f"{OLD}[^{NEW}]*{NEW}")
 
 
 class Message(str):
@@ -30,7 +29,7 @@ class Message(str):
 
     def __new__(cls, marked: str) -> Self:
         """Make a message of a text with marks; all else is in the text."""
-        message = super().__new__(cls, _MARK.sub("", _OLD_TEXT.sub("", marked)))
+        message = super().__new__(cls, _text(marked))
         message.marked = marked
         return message
 
@@ -43,9 +42,9 @@ class Message(str):
 
     def replace(self, old: str, new: str, count: int = -1, /) -> str:  # type: ignore[override]
         """Replace a placeholder such as `site=…` in the English text and in every translation."""
-        if count >= 0 or old not in self.marked:
-            return str.replace(self, old, new, count)
-        return Message(self.marked.replace(old, f"{OLD}{old}{NEW}{_MARK.sub('', new)}{END}"))
+        if count >= 0 or old not in self:
+            return self if old not in self else str.replace(self, old, new, count)
+        return Message(f"{self.marked}{OLD}{old}{NEW}{_MARK.sub('', new)}{END}")
 
 
 class _Value:
@@ -90,11 +89,22 @@ def parse(marked: str) -> Iterator[tuple[str, str]]:
     """Yield the parts of a marked text: the mark (empty for literal text) and what stands inside, with inner marks."""
     kind, depth, at = "", 0, 0
     for mark in _MARK.finditer(marked):
-        depth += -1 if mark[0] == END else mark[0] != NEW
-        if depth == (mark[0] != END) and mark[0] != NEW:
+        before = depth
+        depth += (mark[0] < NEW) - (mark[0] == END and depth > 0)
+        if before + depth <= 1:  # begin, end, or a mark without a counterpart
             yield kind, marked[at : mark.start()]
-            kind, at = "" if mark[0] == END else mark[0], mark.end()
+            kind, at = mark[0] if depth else "", mark.end()
     yield kind, marked[at:]
+
+
+def _text(marked: str) -> str:
+    if OLD not in marked:
+        return _MARK.sub("", marked)
+    parts = list(parse(marked))
+    text = "".join(_text(part) for mark, part in parts if mark != OLD)
+    for old, _, new in (part.partition(NEW) for mark, part in parts if mark == OLD):
+        text = text.replace(old, new)
+    return text
 
 
 def pack(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -67,10 +67,10 @@ class Translator:
         lines: list[tuple[str, list[tuple[str, str]]]] = [("", [])]
         replacements = []
         for mark, part in messages.parse(marked):
-            if not mark or mark == messages.OLD:
-                literal, _, new = part.partition(messages.NEW)
-                replacements += [(literal, new)] if mark else []
-                first, *rest = literal.split("\n")
+            if mark == messages.OLD:
+                replacements.append(part.partition(messages.NEW)[::2])
+            elif not mark:
+                first, *rest = part.split("\n")
                 lines[-1] = (lines[-1][0] + _escape(first), lines[-1][1])
                 lines += [(_escape(line), []) for line in rest]
             else:

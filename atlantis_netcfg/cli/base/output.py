@@ -84,7 +84,10 @@ def as_typed(hint: str, command_line: Sequence[str]) -> str:
             more += " --rehearse"
         return match[0].replace(match["command"], f"{match['command']}{more}")
 
-    return _COMMAND_HINT.sub(complete_command, hint)
+    for match in _COMMAND_HINT.finditer(hint):
+        end = match.string[match.end() : match.end() + 1]  # the backquote: the beginning of a longer command stays
+        hint = hint.replace(f"{match[0]}{end}", f"{complete_command(match)}{end}")
+    return hint
 
 
 def carried_words(arguments: Arguments) -> list[str]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
-from atlantis_netcfg.core import errors, events, paths
+from atlantis_netcfg.core import errors, events, messages, paths
 from atlantis_netcfg.operations.common import play_control
 from atlantis_netcfg.operations.common.request import share_inventory
 from atlantis_netcfg.operations.common.vault import Vault, import_ansible, load_used_plugins
@@ -249,7 +249,7 @@ class _EventListener:
             if not line.strip():
                 return
             try:
-                message = json.loads(line)
+                message = messages.unpack(json.loads(line))
             except ValueError:
                 continue  # whoever wrote it was killed in the middle
             try:

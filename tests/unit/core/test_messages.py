@@ -143,11 +143,23 @@ def test_a_whole_message_is_replaced_in_both_languages(translator: Translator) -
     assert translator.translate(part) == "perdeu-se acrescente --rehearse de cpe"
 
 
+def test_a_replacement_may_contain_values(translator: Translator) -> None:
+    hint = msg(f"type `{arg('provision plan')}` {arg('now')}").replace("plan` now", "plan site=scc`")
+    assert hint == "type `provision plan site=scc`"
+    assert translator.translate(msg(f"{arg(hint)}!")) == "type `provision plan site=scc`!"
+
+
 def test_marks_in_a_value_are_removed() -> None:
     hostile = "a\ue002b\ue005c\ue004"
     message = msg(f"x {arg(hostile)} y {arg(1)}")
     assert message == "x abc y 1"
     assert marked(message) == marked(msg(f"x {arg('abc')} y {arg(1)}"))
+
+
+@pytest.mark.parametrize("text", ["\ue005\ue003a\ue004b", "\ue000a", "a\ue005b", "\ue003\ue003x\ue005"])
+def test_marks_without_a_counterpart_are_removed(translator: Translator, text: str) -> None:
+    assert not set(msg(text)) & set("\ue000\ue003\ue004\ue005")
+    assert not set(translator.translate(text)) & set("\ue000\ue003\ue004\ue005")
 
 
 def test_values_stand_beside_the_texts_of_a_json_document(translator: Translator) -> None:
