@@ -415,6 +415,9 @@ class _Reader(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> None:
         """Know whether texts here are messages."""
         name = _last_name(node.func)
+        if name == "msg":
+            self.visit(node.args[0])
+            return
         if isinstance(node.func, ast.Attribute):
             self.visit(node.func.value)
         if name in NOT_MESSAGES or (name == "match" and node.args):
@@ -430,6 +433,8 @@ class _Reader(ast.NodeVisitor):
                 self._inside(keyword.value, sure=keyword.arg in SHOWN_KEYWORDS)
 
     def _inside(self, node: ast.expr, *, sure: bool) -> None:
+        while isinstance(node, ast.Call) and _last_name(node.func) == "msg":
+            node = node.args[0]
         direct = isinstance(node, ast.Constant | ast.JoinedStr | ast.IfExp | ast.BoolOp | ast.BinOp)
         before, self._sure = self._sure, sure and direct
         self.visit(node)
@@ -535,7 +540,7 @@ def _is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
 
 
-_THROUGH = _set("len str sorted int float round abs repr join list next min max sum line below visible")
+_THROUGH = _set("arg msg len str sorted int float round abs repr join list next min max sum line below visible")
 """Functions that are named by what they are given."""
 _OF_TEXT = _set("removeprefix removesuffix strip rstrip lstrip replace lower upper isoformat")
 
@@ -553,6 +558,8 @@ def _name(node: ast.expr) -> str:
 def _inner(node: ast.expr) -> ast.expr | None:
     """The part of an expression that it is named after."""
     match node:
+        case ast.Call(func=ast.Name(id="join"), args=[_, inner]):
+            pass
         case ast.Call(func=function, args=[inner, *_]) if _last_name(function) in _THROUGH:
             pass
         case ast.Call(func=ast.Attribute(value=inner, attr=name)) if name in _OF_TEXT:
