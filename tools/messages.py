@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING
 from babel.messages.catalog import Catalog, Message
 from babel.messages.pofile import read_po, write_po
 
+from atlantis_netcfg.core.translation import key
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
@@ -607,6 +609,19 @@ def read(path: Path) -> dict[str, str]:
     return {str(item.id): str(item.string) for item in entries if item.id and item.string and not item.fuzzy}
 
 
+def conflicts(translations: Mapping[str, str]) -> list[str]:
+    """Return the msgids that differ from an earlier one in the names of their values and in the translation alone."""
+    by_key: dict[str, str] = {}
+    result = []
+    for msgid, text in translations.items():
+        unnamed, names = key(msgid)
+        places = {name: f"{{{place}}}" for place, name in enumerate(names)}
+        translation = re.sub(r"\{(\w+)\}", lambda match: places.get(match[1], match[0]), text)  # noqa: B023 - used at once
+        if by_key.setdefault(unnamed, translation) != translation:
+            result.append(msgid)
+    return result
+
+
 def write(path: Path, found: Mapping[str, list[str]], translations: Mapping[str, str]) -> None:
     """Write the catalogue in the order of the source, and behind it what is gone."""
     catalogue = Catalog(
@@ -636,6 +651,9 @@ def write(path: Path, found: Mapping[str, list[str]], translations: Mapping[str,
 def main() -> int:
     """Bring the catalogue up to date, or say what it lacks."""
     found, translations = messages(), read(PORTUGUESE)
+    if refused := conflicts({msgid: translations[msgid] for msgid in found if msgid in translations}):
+        print("\n".join([*refused, "these have the text of another entry, and another translation: choose one"]))
+        return 1
     missing = [msgid for msgid in found if msgid not in translations]
     if "--missing" in sys.argv[1:]:
         print("\n".join(missing))

@@ -110,7 +110,7 @@ def _text(marked: str) -> str:
 def pack(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return a JSON document with the marked texts of its messages beside them, for `unpack`."""
     texts = dict.fromkeys(message.marked for message in _messages(document) if message.marked != message)
-    return {**document, "texts": list(texts)} if texts else dict(document)
+    return {**document, **({"texts": list(texts)} if texts else {})}
 
 
 def unpack(document: Mapping[str, Any]) -> dict[str, Any]:
