@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.core import events
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Item
@@ -28,7 +29,14 @@ def telling(notify: events.Subscriber, total: int, on_settle: Callable[[Item], N
         done_count += 1
         data = {"verdict": item.verdict.value, "seconds": item.seconds}
         notify(
-            events.Event(item.id, events.Stage.DONE, f"{item.verdict.value}: {item.message}", done_count, total, data)
+            events.Event(
+                item.id,
+                events.Stage.DONE,
+                msg(f"{arg(item.verdict.value)}: {arg(item.message)}"),
+                done_count,
+                total,
+                data,
+            )
         )
 
     return tell
@@ -59,7 +67,7 @@ def trouble_answer(
 
 def in_words(why: NetcfgError) -> str:
     """Format an error and its hint."""
-    return f"{why}; {why.hint}" if why.hint else str(why)
+    return msg(f"{arg(why)}; {arg(why.hint)}") if why.hint else str(why)
 
 
 def all_unanswered(questions: Questions, words: str) -> dict[str, probes.Answer]:
