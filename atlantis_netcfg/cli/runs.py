@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -51,7 +52,11 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     else:
         print("\n".join(_line(row) for row in rows))
         if archived_count and not everything:
-            print(translate(f"{archived_count} older runs are archived: `provision report runs --all` lists them too"))
+            print(
+                translate(
+                    f"{arg(archived_count)} older runs are archived: `provision report runs --all` lists them too"
+                )
+            )
     return errors.ExitCode.DONE
 
 
@@ -61,7 +66,9 @@ def sites_with_runs(store: Store, site: str | None) -> tuple[str, ...]:
     if site is None:
         return sites
     if site not in sites:
-        raise errors.NoMatchError(f"no runs of `{site}`", hint=f"sites with runs: {', '.join(sites) or 'no site'}")
+        raise errors.NoMatchError(
+            f"no runs of `{arg(site)}`", hint=f"sites with runs: {arg(join(', ', sites) or 'no site')}"
+        )
     return (site,)
 
 
@@ -100,17 +107,17 @@ def _row(run: Run, site: str, *, is_open: bool) -> dict[str, Any]:
 
 
 def _line(row: dict[str, Any]) -> str:
-    end = f"UNFINISHED, continue: `{row['next']}`" if row["unfinished"] else f"exit code {row['exit']}"
-    devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
+    end = msg(f"UNFINISHED, continue: `{arg(row['next'])}`" if row["unfinished"] else f"exit code {arg(row['exit'])}")
+    devices = join(", ", (_device(name, outcome) for name, outcome in row["devices"].items()))
     purpose = f"{translate('emulated devices prepared:')} " if row["prepares"] else ""
     damage = f"  DAMAGED JOURNAL: {', '.join(row['damage'])}" if row["damage"] else ""
-    return f"{row['run']}  {row['site']:<10} {end}  {purpose}{devices}{damage}"
+    return msg(f"{arg(row['run'])}  {arg(row['site']):<10} {arg(end)}  {arg(purpose)}{arg(devices)}{arg(damage)}")
 
 
 def _device(name: str, outcome: dict[str, Any]) -> str:
     """Format a device's status, its confirmed actions, and whether `provision device restore` can use its state."""
     state_note = ", state kept" if outcome["confirmed_state"] else ""
-    return f"{name} {outcome['status']} ({outcome['confirmed']}{state_note})"
+    return msg(f"{arg(name)} {arg(outcome['status'])} ({arg(outcome['confirmed'])}{arg(state_note)})")
 
 
 _WORDS = (
