@@ -143,9 +143,11 @@ MADE = (
     "{who} is transmitting",
     "{who} is receiving",
     "{who} is responding",
-    "1 error in the inventory; no device was contacted",
+    "{findings} error in the inventory; no device was contacted",
     "{findings} errors in the inventory; no device was contacted",
-    "1 warning in the inventory; no device was contacted",
+    "{findings} warning in robot files",
+    "{findings} warnings in robot files",
+    "{findings} warning in the inventory; no device was contacted",
     "{findings} warnings in the inventory; no device was contacted",
     "REHEARSED",
     "REHEARSED IN PART",
@@ -195,6 +197,8 @@ MADE = (
     "{number} not rehearsed",
     "{number} not supported yet",
     "background",
+    "1 device",
+    "1 link",
     "probes {size}",
     "time {size}",
     "telemetry {size}",
@@ -209,7 +213,7 @@ MADE = (
     "verdict",
     "direction",
     "proved",
-    "1 error in the answers; nothing was changed",
+    "{findings} error in the answers; nothing was changed",
     "{findings} errors in the answers; nothing was changed",
     (
         "probes over {name}, which is metered, use {daily} MB a day in normal operation;"
@@ -560,7 +564,10 @@ def _name(node: ast.expr) -> str:
 def _inner(node: ast.expr) -> ast.expr | None:
     """The part of an expression that it is named after."""
     match node:
-        case ast.Call(func=ast.Name(id="join"), args=[_, inner]):
+        case (
+            ast.Call(func=ast.Name(id="join"), args=[_, inner])
+            | ast.Call(func=ast.Name(id="arg"), args=[ast.Call(func=ast.Name(id="ascii"), args=[inner])])
+        ):
             pass
         case ast.Call(func=function, args=[inner, *_]) if _last_name(function) in _THROUGH:
             pass

@@ -178,7 +178,8 @@ def confirm_item(
     if confirmation.value is not None:
         number = f"{confirmation.value:g} {request.unit}"
         note = msg(f"{arg(number)}; {arg(note)}") if note else number
-    message = _STATEMENTS[confirmation.verdict].format(by=by) + (f": {note}" if note else "")
+    message = msg(_STATEMENTS[confirmation.verdict].format(by=arg(by)))
+    message = msg(f"{arg(message)}: {arg(note)}") if note else message
     mend = _HINTS.get(confirmation.verdict)
     return item.model_copy(
         update={

@@ -199,13 +199,14 @@ def _refuse(error: InventoryInvalid, where: str, *, as_json: bool) -> ExitCode:
     import dataclasses
     import sys
 
+    from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.inventory import report
 
     if as_json:
         rows = [dataclasses.asdict(finding) for finding in error.findings]
         print(json_text({"exit": int(error.exit), "errors": rows}))
     else:
-        print(report(error.findings, where), file=sys.stderr)
+        print(translate(report(error.findings, where)), file=sys.stderr)
     return error.exit
 
 

@@ -40,6 +40,12 @@ class Message(str):
     def __reduce__(self) -> tuple[type[Message], tuple[str]]:
         return Message, (self.marked,)
 
+    def __add__(self, other: str, /) -> str:
+        return join("", (self, other))
+
+    def __radd__(self, other: str, /) -> str:
+        return join("", (other, self))
+
     def replace(self, old: str, new: str, count: int = -1, /) -> str:  # type: ignore[override]
         """Replace a placeholder such as `site=…` in the English text and in every translation."""
         if count >= 0 or old not in self:

@@ -76,13 +76,8 @@ def report(findings: Sequence[Finding], where: str = _WHERE, *, warnings: bool =
     """Format errors or warnings for a technician: place, problem, correction; and the count at the end."""
     lines = [msg(f"{arg(finding)}\n  -> {arg(finding.hint)}") for finding in findings[:MOST_SHOWN]]
     lines += [_omitted_text(len(findings) - MOST_SHOWN)] if len(findings) > MOST_SHOWN else []
-    alone, many = (
-        ("1 warning", msg(f"{arg(len(findings))} warnings"))
-        if warnings
-        else ("1 error", msg(f"{arg(len(findings))} errors"))
-    )
-    count = alone if len(findings) == 1 else many
-    return "\n".join([*lines, f"{count} {where}"])
+    noun = "warning" if warnings else "error"
+    return join("\n", [*lines, msg(f"{arg(len(findings))} {noun}{'s' if len(findings) != 1 else ''} {where}")])
 
 
 def _omitted_text(number: int) -> str:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from atlantis_netcfg.core.errors import UsageError, nearest
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory._yaml import Node, parse
 from atlantis_netcfg.inventory.findings import Finding, choices, shown_key
 
@@ -47,7 +47,7 @@ class ListInvalid(UsageError):
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.findings = tuple(sorted(set(findings)))
         self.errors = tuple(UsageError(_message(finding), hint=finding.hint) for finding in self.findings)
-        super().__init__("\n".join(str(error) for error in self.errors))
+        super().__init__(join("\n", self.errors))
 
 
 def _message(finding: Finding) -> str:

@@ -588,9 +588,9 @@ def _files(count: int) -> str:
 def left_out(look: Mapping[str, Any]) -> list[str]:
     """Return which files are not sent, and why."""
     words = (
-        ("compared", "{} of them retrieved earlier, to be compared again"),
-        ("kept", "{} retrieved earlier"),
-        ("writing", "{} skipped: written less than a minute ago"),
-        ("unnamed", "{} skipped: the name is not printable text"),
+        ("compared", "{files} of them retrieved earlier, to be compared again"),
+        ("kept", "{files} retrieved earlier"),
+        ("writing", "{files} skipped: written less than a minute ago"),
+        ("unnamed", "{files} skipped: the name is not printable text"),
     )
-    return [text.format(_files(look[name])) for name, text in words if look.get(name)]
+    return [msg(text.format(files=arg(_files(look[name])))) for name, text in words if look.get(name)]

@@ -125,7 +125,7 @@ class VerifiedDevice:
         lines.append(msg(f"  {arg(self.round_trips)} round trips, {arg(self.bytes / 1000):.1f} kB"))
         if self.file is not None:
             lines.append(msg(f"  file to send back: {arg(self.file)}"))
-        return "\n".join(lines)
+        return join("\n", lines)
 
 
 @dataclass(slots=True)

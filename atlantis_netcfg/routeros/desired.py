@@ -17,7 +17,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros._items import DesiredState, Mistake, RowItem, RunTime, item_of, known_menu, near
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.routeros.rsc import Statement, parse
@@ -59,7 +59,7 @@ def read(text: str, source: str = "text") -> DesiredState:
         else:
             items[item.menu].append(item)
     if mistakes:
-        raise Mistake("\n".join(mistakes))
+        raise Mistake(join("\n", mistakes))
     items_by_menu = {menu: tuple(rows) for menu, rows in items.items()}
     return DesiredState(
         source, items_by_menu, frozenset(entire), undeclared_values, run_time=tuple(run_time), remarks=tuple(remarks)

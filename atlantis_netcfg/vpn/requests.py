@@ -37,7 +37,7 @@ class InvalidRequest(UsageError):
     """Several errors in a request; `errors` lists them. Nothing was opened or written."""
 
     def __init__(self, errors: Sequence[NetcfgError]) -> None:
-        super().__init__("\n".join(str(error) for error in errors))
+        super().__init__(join("\n", errors))
         self.errors = tuple(errors)
 
 

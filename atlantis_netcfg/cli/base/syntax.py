@@ -195,7 +195,7 @@ class SeveralErrors(UsageError):
     """Several errors on one command line; `errors` holds them in the order of the arguments."""
 
     def __init__(self, errors: Sequence[UsageError]) -> None:
-        super().__init__("\n".join(str(error) for error in errors))
+        super().__init__(join("\n", errors))
         self.errors = tuple(errors)
 
 

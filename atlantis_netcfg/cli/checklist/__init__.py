@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -266,7 +266,7 @@ def run_report_verify(arguments: syntax.Arguments) -> ExitCode:
     if arguments.flag("json"):
         print(json_text({"exit": int(code), "errors": [], "verified": rows}))
     else:
-        print(translate("\n".join(line for row in rows for line in _lines(row))))
+        print(translate(join("\n", (line for row in rows for line in _lines(row)))))
     return code
 
 

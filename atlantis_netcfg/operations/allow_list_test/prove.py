@@ -9,7 +9,7 @@ from math import ceil
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors, events
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.satellite_allow_list import far_end
 from atlantis_netcfg.links import LinkFinding, satellite
 from atlantis_netcfg.links.policy import LinkRoute, active_link
@@ -254,7 +254,7 @@ class Proof:
 
     def as_text(self) -> str:
         """Return the report as text."""
-        return "\n".join(self._lines())
+        return join("\n", self._lines())
 
     def _lines(self) -> Iterable[str]:
         carries = "is the active link" if self.active else "is not the active link"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
 from atlantis_netcfg.links import satellite
 from atlantis_netcfg.operations.common.request import Mode, open_inventory, open_request
@@ -133,7 +133,7 @@ def perform(
 
 
 def _host_result(result: TerminalResult) -> dict[str, Any]:
-    lines = "\n".join([result.message, *(_finding_text(finding) for finding in result.findings)])
+    lines = join("\n", [result.message, *map(_finding_text, result.findings)])
     return {
         **result.as_dict(),
         "ok": result.exit is errors.ExitCode.DONE,

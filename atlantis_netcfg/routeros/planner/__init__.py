@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.diff import render, set_lines
@@ -59,7 +59,9 @@ def plan(device: str, desired_state: DesiredState, observation: _types.Observati
         _take_names_out(part, port_renames)
         problems += part.problems
     if problems:
-        message = "\n".join(msg(f"{arg(device)}: {arg(desired_state.source)}, {arg(problem)}") for problem in problems)
+        message = join(
+            "\n", (msg(f"{arg(device)}: {arg(desired_state.source)}, {arg(problem)}") for problem in problems)
+        )
         raise CannotPlan(message, hint=_other_version([since for _, since in lacking], facts))
     changed_menus = {part.menu.path for part in parts if part.changes}
     remarks = [remark for path, remark in desired_state.remarks if path in changed_menus]

@@ -156,7 +156,7 @@ class Summary:
         Where that takes more than the last lines on a screen, reason and counts come before the verdict and the advice.
         """
         style, mark = self._style()
-        verdict_lines = _wrap(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
+        verdict_lines = _wrap(f"{mark} {self.verdict()}", width, len(mark) + 1)
         verdict: list[printable.Row] = [printable.StyledText(line, style) for line in verdict_lines]
         counts = list(_label_lines("devices", self._counts(), width))
         if self.purpose == "plan" and any(self.rows):
@@ -172,7 +172,7 @@ class Summary:
         if self.next_command:
             advice.append(_command(self.next_command))
         if self.record:
-            advice += _label_lines("record", self.record, width)
+            advice += _label_lines("record", translate(self.record), width)
         rows: list[printable.Row] = [*verdict, *counts, *reason, *advice]
         height = sum(1 + (len(printable.plain(row)) - 1) // width for row in rows)
         return ["", *rows] if height <= _LINES else ["", *reason, *counts, *verdict, *advice]
@@ -240,7 +240,9 @@ class Summary:
         worst = self.endings.get(self._worst(), DeviceEnd.NOT_CHECKED)
         devices = [device for device, how in self.endings.items() if how is worst]
         word, single, several = _BAD[worst]
-        return word, single.format(device=devices[0]) if len(devices) == 1 else several.format(count=len(devices))
+        if len(devices) == 1:
+            return word, msg(single.format(device=arg(devices[0])))
+        return word, msg(several.format(count=arg(len(devices))))
 
     def _style(self) -> tuple[printable.Style, str]:
         """Return colour and symbol of the verdict: green only if every device was read and none has a warning."""

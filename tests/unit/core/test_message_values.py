@@ -100,6 +100,8 @@ def test_an_error_makes_messages_of_its_text_and_hint() -> None:
         (msg(f"{arg('the link')} of {arg('cpe')}"), "cpe da ligação"),
         (msg(f"1. {arg(2)} changes left\n  -> the link\n"), "1. faltam 2 alterações\n  -> a ligação\n"),
         (join("; ", ["the link", "cpe", msg(f"{arg(4)} changes")]), "a ligação; cpe; 4 alterações"),
+        (msg(f"{arg(3)} changes left") + ", no such device", "faltam 3 alterações, no such device"),
+        ("link: " + msg(f"{arg(3)} changes left"), "link: faltam 3 alterações"),
         (join(" {} ", ["no such device", "x"]), "esse equipamento não existe {} x"),
         (msg("what {} is"), "what {} is"),
         ("no such device\n  not reached", "esse equipamento não existe\n  não alcançado"),

@@ -384,7 +384,8 @@ def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> Lin
     cause = base.Trouble.REFUSED if transcript.trouble is base.Trouble.CLOSED else transcript.trouble
     verdict, code, message, hint = _WORDS[cause]
     words = transcript.words or "reason unknown"
-    return LinkFinding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
+    text = msg(message.format(name=arg(name), where=arg(modem.where), words=arg(words)))
+    return LinkFinding(verdict, code, text, hint)
 
 
 def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer) -> base.Transcript | base.ProbeResult:

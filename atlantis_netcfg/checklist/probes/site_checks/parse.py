@@ -48,8 +48,8 @@ def unknown(code: str, message: str, hint: str) -> LinkFinding:
 def silent(who: str, trouble: base.Trouble, words: str) -> LinkFinding:
     """Return the finding for an incomplete response, from which nothing follows."""
     code, message, hint = _SILENT.get(trouble, _SILENT[base.Trouble.SILENT])
-    text = f": {words}" if words else ""
-    return unknown(code, message.format(who=who) + text, hint.format(who=who))
+    text = msg(message.format(who=arg(who)))
+    return unknown(code, msg(f"{arg(text)}: {arg(words)}") if words else text, msg(hint.format(who=arg(who))))
 
 
 _SILENT = {

@@ -127,10 +127,7 @@ def test_position_counts_without_settings() -> None:
     [
         (
             Trouble.NO_PLACE,
-            (
-                "INCONCLUSIVE place-not-reached: GPS of off-router was not read: "
-                "off-router was not reached: no route"
-            ),
+            ("INCONCLUSIVE place-not-reached: GPS of off-router was not read: off-router was not reached: no route"),
         ),
         (
             Trouble.SILENT,
