@@ -621,10 +621,10 @@ def conflicts(translations: Mapping[str, str]) -> list[str]:
     by_key: dict[str, str] = {}
     result = []
     for msgid, text in translations.items():
-        unnamed, names = key(msgid)
+        text_key, names = key(msgid)
         places = {name: f"{{{place}}}" for place, name in enumerate(names)}
         translation = re.sub(r"\{(\w+)\}", lambda match: places.get(match[1], match[0]), text)  # noqa: B023 - used at once
-        if by_key.setdefault(unnamed, translation) != translation:
+        if by_key.setdefault(text_key, translation) != translation:
             result.append(msgid)
     return result
 

@@ -27,10 +27,10 @@ class Message(str):
     __slots__ = ("marked",)
     marked: str
 
-    def __new__(cls, marked: str) -> Self:
+    def __new__(cls, source: str) -> Self:
         """Make a message of a text with marks; all else is in the text."""
-        message = super().__new__(cls, _text(marked))
-        message.marked = marked
+        message = super().__new__(cls, _text(source))
+        message.marked = source
         return message
 
     def __str__(self) -> str:
@@ -53,7 +53,7 @@ class Message(str):
         return Message(f"{self.marked}{OLD}{old}{NEW}{_MARK.sub('', new)}{END}")
 
 
-class _Value:
+class _MarkedValue:
     """A value that puts marks around itself when it is formatted."""
 
     def __init__(self, value: object) -> None:
@@ -76,9 +76,9 @@ class _Value:
         return f"{NUMBER if is_number else TEXT}{_MARK.sub('', text)}{END}"
 
 
-def arg(value: object) -> _Value:
+def arg(value: object) -> _MarkedValue:
     """Return a value for an f-string inside `msg(…)` or inside the text of an error."""
-    return _Value(value)
+    return _MarkedValue(value)
 
 
 def msg(text: str) -> str:
@@ -88,25 +88,25 @@ def msg(text: str) -> str:
 
 def join(separator: str, parts: Iterable[object]) -> str:
     """Return texts joined to one `Message`; each is translated by itself."""
-    return Message(separator.join(str(_Value(part)) for part in parts))
+    return Message(separator.join(str(_MarkedValue(part)) for part in parts))
 
 
-def parse(marked: str) -> Iterator[tuple[str, str]]:
+def parse(source: str) -> Iterator[tuple[str, str]]:
     """Yield the parts of a marked text: the mark (empty for literal text) and what stands inside, with inner marks."""
     kind, depth, at = "", 0, 0
-    for mark in _MARK.finditer(marked):
+    for mark in _MARK.finditer(source):
         before = depth
         depth += (mark[0] < NEW) - (mark[0] == END and depth > 0)
         if before + depth <= 1:  # begin, end, or a mark without a counterpart
-            yield kind, marked[at : mark.start()]
+            yield kind, source[at : mark.start()]
             kind, at = mark[0] if depth else "", mark.end()
-    yield kind, marked[at:]
+    yield kind, source[at:]
 
 
-def _text(marked: str) -> str:
-    if OLD not in marked:
-        return _MARK.sub("", marked)
-    parts = list(parse(marked))
+def _text(source: str) -> str:
+    if OLD not in source:
+        return _MARK.sub("", source)
+    parts = list(parse(source))
     text = "".join(_text(part) for mark, part in parts if mark != OLD)
     for old, _, new in (part.partition(NEW) for mark, part in parts if mark == OLD):
         text = text.replace(old, new)

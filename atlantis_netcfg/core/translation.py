@@ -24,13 +24,13 @@ def key(msgid: str) -> tuple[str, tuple[str, ...]]:
     """Return the text of a msgid with `{}` for each value, and the names of its values."""
     names: list[str] = []
 
-    def unnamed(match: re.Match[str]) -> str:
+    def replace_name(match: re.Match[str]) -> str:
         if match[1] is None:
             return match[0]
         names.append(match[1])
         return "{}"
 
-    return _PLACEHOLDER.sub(unnamed, msgid), tuple(names)
+    return _PLACEHOLDER.sub(replace_name, msgid), tuple(names)
 
 
 def _escape(text: str) -> str:
@@ -59,14 +59,14 @@ class Translator:
     def _templates(self) -> dict[str, tuple[tuple[str, ...], str]]:
         """By key: the names of the values, and the translation."""
         pairs = ((key(msgid), text) for msgid, text in self._catalogue.items() if "{" in msgid or "}" in msgid)
-        return {unnamed: (names, text) for (unnamed, names), text in pairs}
+        return {text_key: (names, text) for (text_key, names), text in pairs}
 
     def translate(self, text: str) -> str:
         """Return the text in this language; what is missing in the catalogue stays in English."""
-        marked = text.marked if isinstance(text, messages.Message) else text
+        source = text.marked if isinstance(text, messages.Message) else text
         lines: list[tuple[str, list[tuple[str, str]]]] = [("", [])]
         replacements = []
-        for mark, part in messages.parse(marked):
+        for mark, part in messages.parse(source):
             if mark == messages.OLD:
                 replacements.append(part.partition(messages.NEW)[::2])
             elif not mark:
@@ -96,17 +96,17 @@ class Translator:
             text_in_language = self._catalogue.get(text, text)
         return line[:start] + text_in_language + line[start + len(text) :]
 
-    def _fill(self, template: str, by_name: Mapping[str, tuple[str, str]], unnamed: Iterator[tuple[str, str]]) -> str:
+    def _fill(self, template: str, by_name: Mapping[str, tuple[str, str]], rest: Iterator[tuple[str, str]]) -> str:
         result, contracts = "", False
         for literal, name, _, _ in _PARSE(template):
             result += literal
             if name is not None:
-                mark, part = by_name[name] if name else next(unnamed)
+                mark, part = by_name[name] if name else next(rest)
                 english = str.__str__(messages.Message(part))
                 is_typed = result.count("`") % 2 == 1 or _COMMAND.search(result)
-                shown = english if is_typed else self._value(mark, part, english)
-                contracts = contracts or shown != english
-                result += shown
+                value = english if is_typed else self._value(mark, part, english)
+                contracts = contracts or value != english
+                result += value
         return self._pairs.sub(lambda pair: self._contractions[pair[0]], result) if contracts else result
 
     def _value(self, mark: str, part: str, english: str) -> str:
@@ -115,5 +115,5 @@ class Translator:
             return english.translate(_NUMBER_SIGNS)
         if mark == messages.TEXT and " " not in english.strip():
             return english
-        shown = self.translate(messages.Message(part if mark == messages.MESSAGE else english))
-        return shown.rstrip().ljust(len(english)) if english.endswith("  ") else shown
+        text = self.translate(messages.Message(part if mark == messages.MESSAGE else english))
+        return text.rstrip().ljust(len(english)) if english.endswith("  ") else text
