@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING
 from babel.messages.catalog import Catalog, Message
 from babel.messages.pofile import read_po, write_po
 
+from atlantis_netcfg.core.translation import key
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
@@ -142,9 +144,11 @@ MADE = (
     "{who} is transmitting",
     "{who} is receiving",
     "{who} is responding",
-    "1 error in the inventory; no device was contacted",
+    "{findings} error in the inventory; no device was contacted",
     "{findings} errors in the inventory; no device was contacted",
-    "1 warning in the inventory; no device was contacted",
+    "{findings} warning in robot files",
+    "{findings} warnings in robot files",
+    "{findings} warning in the inventory; no device was contacted",
     "{findings} warnings in the inventory; no device was contacted",
     "REHEARSED",
     "REHEARSED IN PART",
@@ -194,6 +198,8 @@ MADE = (
     "{number} not rehearsed",
     "{number} not supported yet",
     "background",
+    "1 device",
+    "1 link",
     "probes {size}",
     "time {size}",
     "telemetry {size}",
@@ -208,7 +214,7 @@ MADE = (
     "verdict",
     "direction",
     "proved",
-    "1 error in the answers; nothing was changed",
+    "{findings} error in the answers; nothing was changed",
     "{findings} errors in the answers; nothing was changed",
     (
         "probes over {name}, which is metered, use {daily} MB a day in normal operation;"
@@ -416,6 +422,9 @@ class _Reader(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> None:
         """Know whether texts here are messages."""
         name = _last_name(node.func)
+        if name == "msg":
+            self.visit(node.args[0])
+            return
         if isinstance(node.func, ast.Attribute):
             self.visit(node.func.value)
         if name in NOT_MESSAGES or (name == "match" and node.args):
@@ -431,6 +440,8 @@ class _Reader(ast.NodeVisitor):
                 self._inside(keyword.value, sure=keyword.arg in SHOWN_KEYWORDS)
 
     def _inside(self, node: ast.expr, *, sure: bool) -> None:
+        while isinstance(node, ast.Call) and _last_name(node.func) == "msg":
+            node = node.args[0]
         direct = isinstance(node, ast.Constant | ast.JoinedStr | ast.IfExp | ast.BoolOp | ast.BinOp)
         before, self._sure = self._sure, sure and direct
         self.visit(node)
@@ -536,7 +547,7 @@ def _is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
 
 
-_THROUGH = _set("len str sorted int float round abs repr join list next min max sum line below visible")
+_THROUGH = _set("arg msg len str sorted int float round abs repr join list next min max sum line below visible")
 """Functions that are named by what they are given."""
 _OF_TEXT = _set("removeprefix removesuffix strip rstrip lstrip replace lower upper isoformat")
 
@@ -554,6 +565,11 @@ def _name(node: ast.expr) -> str:
 def _inner(node: ast.expr) -> ast.expr | None:
     """The part of an expression that it is named after."""
     match node:
+        case (
+            ast.Call(func=ast.Name(id="join"), args=[_, inner])
+            | ast.Call(func=ast.Name(id="arg"), args=[ast.Call(func=ast.Name(id="ascii"), args=[inner])])
+        ):
+            pass
         case ast.Call(func=function, args=[inner, *_]) if _last_name(function) in _THROUGH:
             pass
         case ast.Call(func=ast.Attribute(value=inner, attr=name)) if name in _OF_TEXT:
@@ -601,6 +617,19 @@ def read(path: Path) -> dict[str, str]:
     return {str(item.id): str(item.string) for item in entries if item.id and item.string and not item.fuzzy}
 
 
+def conflicts(translations: Mapping[str, str]) -> list[str]:
+    """Return the msgids that differ from an earlier one in the names of their values and in the translation alone."""
+    by_key: dict[str, str] = {}
+    result = []
+    for msgid, text in translations.items():
+        text_key, names = key(msgid)
+        places = {name: f"{{{place}}}" for place, name in enumerate(names)}
+        translation = re.sub(r"\{(\w+)\}", lambda match: places.get(match[1], match[0]), text)  # noqa: B023 - used at once
+        if by_key.setdefault(text_key, translation) != translation:
+            result.append(msgid)
+    return result
+
+
 def write(path: Path, found: Mapping[str, list[str]], translations: Mapping[str, str]) -> None:
     """Write the catalogue in the order of the source, and behind it what is gone."""
     catalogue = Catalog(
@@ -630,6 +659,9 @@ def write(path: Path, found: Mapping[str, list[str]], translations: Mapping[str,
 def main() -> int:
     """Bring the catalogue up to date, or say what it lacks."""
     found, translations = messages(), read(PORTUGUESE)
+    if refused := conflicts({msgid: translations[msgid] for msgid in found if msgid in translations}):
+        print("\n".join([*refused, "these have the text of another entry, and another translation: choose one"]))
+        return 1
     missing = [msgid for msgid in found if msgid not in translations]
     if "--missing" in sys.argv[1:]:
         print("\n".join(missing))

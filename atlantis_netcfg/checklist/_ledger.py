@@ -30,6 +30,7 @@ from atlantis_netcfg import runs
 from atlantis_netcfg.checklist import _signing
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -104,18 +105,20 @@ def read(path: Path) -> Lines:
     try:
         lines, rest = split(_signing.content(path))
     except OSError as error:
-        return Lines(damage=f"cannot be read: {error.strerror}")
+        return Lines(damage=msg(f"cannot be read: {arg(error.strerror)}"))
     records: list[ChecklistEntry] = []
     good, last = 0, ""
     for number, line in enumerate(lines, start=1):
         record = _record(line, last)
         if isinstance(record, str):
             tail = number == len(lines) and not rest and number > 1 and not record.startswith("does not follow")
-            text = f"line {number} {record}"
+            text = msg(f"line {arg(number)} {arg(record)}")
             return Lines(tuple(records), good, last, tail_error=text if tail else "", damage="" if tail else text)
         records.append(record)
         good, last = good + len(line) + 1, hashlib.sha256(line).hexdigest()
-    tail_error = f"line {len(lines) + 1} is incomplete: the program was killed while writing it" if rest else ""
+    tail_error = msg(
+        f"line {arg(len(lines) + 1)} is incomplete: the program was killed while writing it" if rest else ""
+    )
     return Lines(tuple(records), good, last, tail_error=tail_error)
 
 
@@ -207,17 +210,17 @@ def evidence_problem(path: Path) -> tuple[str, str] | None:
         status = path.lstat()
     except OSError:
         return (
-            f"file `{path}` does not exist",
+            msg(f"file `{arg(path)}` does not exist"),
             "give the path of a photo or file, relative to this folder or to the answers file",
         )
     if stat.S_ISLNK(status.st_mode):
-        return f"`{path}` is a symbolic link, which is not followed", "give the photo or file itself"
+        return msg(f"`{arg(path)}` is a symbolic link, which is not followed"), "give the photo or file itself"
     if not stat.S_ISREG(status.st_mode):
-        return f"`{path}` is not a file", "give a photo or file, not a folder"
+        return msg(f"`{arg(path)}` is not a file"), "give a photo or file, not a folder"
     if status.st_size > MAX_BYTES:
-        size = f"{status.st_size / 1000000.0:.0f} MB; the maximum is {MAX_BYTES // 1000000} MB"
-        return f"`{path}` has {size}", "make it smaller, or use a part of it"
-    return None if status.st_size else (f"`{path}` is empty", "use a file that is not empty")
+        size = msg(f"{arg(status.st_size / 1000000.0):.0f} MB; the maximum is {arg(MAX_BYTES // 1000000)} MB")
+        return msg(f"`{arg(path)}` has {arg(size)}"), "make it smaller, or use a part of it"
+    return None if status.st_size else (msg(f"`{arg(path)}` is empty"), "use a file that is not empty")
 
 
 def is_picture(path: Path) -> bool:
@@ -245,10 +248,12 @@ def _read_evidence(path: Path) -> bytes:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise _signing.ChecklistUsageError(
-            f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions"
+            f"`{arg(path)}` cannot be read: {arg(error.strerror)}", hint="correct its permissions"
         ) from error
     if len(data) > MAX_BYTES:
-        raise _signing.ChecklistUsageError(f"`{path}` grows while it is being read", hint="use it when it is complete")
+        raise _signing.ChecklistUsageError(
+            f"`{arg(path)}` grows while it is being read", hint="use it when it is complete"
+        )
     return data
 
 
@@ -259,7 +264,7 @@ def _picture(path: Path, data: bytes) -> bytes:
         return data
     if kind not in _READ:
         raise _signing.ChecklistUsageError(
-            f"`{path}` is a picture of type {kind}, whose position cannot be removed here", hint=_AS_JPEG
+            f"`{arg(path)}` is a picture of type {arg(kind)}, whose position cannot be removed here", hint=_AS_JPEG
         )
     from PIL import Image, ImageOps  # noqa: PLC0415 - most commands see no photo
 
@@ -271,11 +276,11 @@ def _picture(path: Path, data: bytes) -> bytes:
                 picture = _encode(ImageOps.exif_transpose(image), kind) if pixels <= _MAX_PIXELS else b""
     except Exception as error:  # Pillow raises all sorts for damaged files
         raise _signing.ChecklistUsageError(
-            f"`{path}` is a damaged picture of type {kind}: {error}", hint=_AS_JPEG
+            f"`{arg(path)}` is a damaged picture of type {arg(kind)}: {arg(error)}", hint=_AS_JPEG
         ) from error
     if not picture:
         raise _signing.ChecklistUsageError(
-            f"`{path}` has {pixels} pixels; the maximum is {_MAX_PIXELS}", hint="make it smaller"
+            f"`{arg(path)}` has {arg(pixels)} pixels; the maximum is {arg(_MAX_PIXELS)}", hint="make it smaller"
         )
     return picture
 

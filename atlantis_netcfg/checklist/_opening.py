@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._signing import MANIFEST
 from atlantis_netcfg.checklist.report import Document, Drawing
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.runs import make_private, new_run, os_errors_as, run_order, sync_directory
 
 if TYPE_CHECKING:
@@ -66,17 +67,21 @@ def find_open_book(
         if document is None or _is_other_checklist(document, checklist) or _is_closed(run, lines):
             continue
         if lines.damage:
-            words = words or f"the checklist {run.name} is damaged ({lines.damage})"
+            words = words or msg(f"the checklist {arg(run.name)} is damaged ({arg(lines.damage)})")
             continue
         if why := "a new start was requested" if anew else _other(document, head):
             with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
                 ledger.write(_ledger.SupersedeResultRecord(why=why))
-            return FoundBook(None, f"the checklist {run.name} stays unfinished, and a new one is started: {why}")
+            return FoundBook(
+                None, msg(f"the checklist {arg(run.name)} stays unfinished, and a new one is started: {arg(why)}")
+            )
         _record_reopening(run, document, checklist, head, now)
-        tail_note = f"; {lines.tail_error}, and its content is asked again" if lines.tail_error else ""
-        gone_on = f"the checklist {run.name} is continued{tail_note}{_old(now() - document.started)}"
-        return FoundBook(run, f"{words}; {gone_on}" if words else gone_on)
-    return FoundBook(None, f"{words}: a new one is started" if words else "")
+        tail_note = msg(f"; {arg(lines.tail_error)}, and its content is asked again" if lines.tail_error else "")
+        gone_on = msg(
+            f"the checklist {arg(run.name)} is continued{arg(tail_note)}{arg(_old(now() - document.started))}"
+        )
+        return FoundBook(run, msg(f"{arg(words)}; {arg(gone_on)}") if words else gone_on)
+    return FoundBook(None, msg(f"{arg(words)}: a new one is started" if words else ""))
 
 
 def _is_other_checklist(document: Document, checklist: Checklist) -> bool:
@@ -87,8 +92,8 @@ def _old(age: timedelta) -> str:
     """Return a warning if the checklist was started on another day, because conditions may have changed."""
     if age < _SAME_DAY:
         return ""
-    ago = f"{age.days} days" if age.days > 1 else "a day"
-    return f"; it was started {ago} ago, and its results stand: `--anew` checks everything again"
+    ago = msg(f"{arg(age.days)} days" if age.days > 1 else "a day")
+    return msg(f"; it was started {arg(ago)} ago, and its results stand: `--anew` checks everything again")
 
 
 def _is_closed(run: Path, lines: _ledger.Lines) -> bool:
@@ -102,7 +107,7 @@ def _other(document: Document, head: BookHead) -> str:
     if document.inventory != head.inventory:
         return "the inventory has changed since then"
     if document.tool != head.tool:
-        return f"it was started with version {document.tool} of this toolkit, this is {head.tool}"
+        return msg(f"it was started with version {arg(document.tool)} of this toolkit, this is {arg(head.tool)}")
     if (document.rehearsed, document.broken) != (head.is_rehearsal, head.broken):
         return "the deliberate faults are different now"
     return ""

@@ -24,6 +24,7 @@ from cryptography.hazmat.primitives.serialization import (
 from atlantis_netcfg import runs
 from atlantis_netcfg.checklist.report import Document, Signature
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.printable import lines
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def _reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _reject_constant(word: str) -> NoReturn:
-    raise ValueError(f"{word} is not a number")
+    raise ValueError(msg(f"{arg(word)} is not a number"))
 
 
 class ChecklistUsageError(errors.UsageError):
@@ -104,11 +105,12 @@ class SigningKey:
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise SigningKeyError(f"the signing key cannot be read: {error.strerror} ({path})") from error
+            raise SigningKeyError(f"the signing key cannot be read: {arg(error.strerror)} ({arg(path)})") from error
         if mode & _OTHERS:
             raise SigningKeyError(
-                f"other users of this computer can read the signing key ({path})",
-                hint=f"chmod 600 {path}; if others work on this computer, remove the key instead: a new one is created",
+                f"other users of this computer can read the signing key ({arg(path)})",
+                hint=f"chmod 600 {arg(path)}; if others work on this computer, remove the key instead: a new one is "
+                "created",
             )
         return cls(_parse_private_key(data, path))
 
@@ -165,7 +167,7 @@ def _parse_private_key(data: bytes, path: Path) -> Ed25519PrivateKey:
             "restore it from a copy, or move it away: a new one is created, and signatures of the old one become "
             "unknown"
         )
-        raise SigningKeyError(f"the signing key cannot be read ({path})", hint=hint)
+        raise SigningKeyError(f"the signing key cannot be read ({arg(path)})", hint=hint)
     return key
 
 
@@ -238,18 +240,20 @@ def broken_seal(
         yield "the fingerprint is not the one of the key that signed", "do not rely on it"
     elif data["key"] not in trusted_keys:
         yield (
-            f"it is signed with key {data['key']}, but another key was requested"
-            if is_explicit
-            else f"it is signed with key {data['key']}, which is unknown on this computer",
+            msg(
+                f"it is signed with key {arg(data['key'])}, but another key was requested"
+                if is_explicit
+                else f"it is signed with key {arg(data['key'])}, which is unknown on this computer"
+            ),
             "compare the fingerprint with the signer by telephone or on paper, never with the file itself",
         )
 
 
 def _continue_hint(document: dict[str, Any]) -> str:
     rehearse_option = " --rehearse" if document["rehearsed"] else ""
-    return (
-        f"nobody has signed it: `provision check site={document['site']}{rehearse_option}` continues it, on the "
-        "computer on which it was made"
+    return msg(
+        f"nobody has signed it: `provision check site={arg(document['site'])}{arg(rehearse_option)}` continues it, on "
+        "the computer on which it was made"
     )
 
 

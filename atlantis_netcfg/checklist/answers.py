@@ -38,6 +38,7 @@ from atlantis_netcfg.checklist.confirmations import (
 from atlantis_netcfg.checklist.report import Item, ItemKind
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import Finding, report, yaml_file
 from atlantis_netcfg.inventory.model import Model, Text
 
@@ -140,7 +141,9 @@ class Answers:
             if name in needed_overrides:
                 on_settle(book.override(name, overriding.reason, overriding.by))
         spare = [name for name in self.overrides if name not in needed_overrides]
-        return tuple(f"`{name}` is {book.item(name).verdict}: the override is not needed" for name in spare)
+        return tuple(
+            msg(f"`{arg(name)}` is {arg(book.item(name).verdict)}: the override is not needed") for name in spare
+        )
 
 
 def _collect_answers(
@@ -159,7 +162,7 @@ def _collect_answers(
         for item, answer in file.answers.items()
         if item in items
     }
-    consents = {item: f"{name}: {words}" for item, words in _collect_consents(file, items).items()}
+    consents = {item: msg(f"{arg(name)}: {arg(words)}") for item, words in _collect_consents(file, items).items()}
     overrides = {
         item: Overriding(override.reason, override.by or name)
         for item, override in file.overrides.items()
@@ -218,9 +221,11 @@ class _CheckAnswer:
         item = self._items.get(name)
         if item is None:
             hint = yaml_file.suggest(name, self._items, none="the checklist is empty")
-            yield self._block.wrong_key((part, name), f"this checklist has no item `{name}`", hint)
+            yield self._block.wrong_key((part, name), msg(f"this checklist has no item `{arg(name)}`"), hint)
         elif not item.open:
-            yield self._block.wrong_key((part, name), f"`{name}` does not apply: {item.message}", "remove it")
+            yield self._block.wrong_key(
+                (part, name), msg(f"`{arg(name)}` does not apply: {arg(item.message)}"), "remove it"
+            )
         elif (wrong := fits(item)) is not None:
             yield self._block.wrong_key((part, name), *wrong)
 
@@ -230,7 +235,9 @@ class _CheckAnswer:
         yield from self._check_person(path)
         verdict = keys["verdict"].value if "verdict" in keys else None
         if "note" not in keys and isinstance(verdict, str) and verdict in set(SAYABLE) - {Verdict.PASS}:
-            yield self._block.wrong((*path, "verdict"), f"{verdict} needs a note", "add `note:` with what was observed")
+            yield self._block.wrong(
+                (*path, "verdict"), msg(f"{arg(verdict)} needs a note"), "add `note:` with what was observed"
+            )
         item = self._items.get(name)
         if verdict == Verdict.SKIP and item is not None and (wrong := unskippable(item)) is not None:
             yield self._block.wrong((*path, "verdict"), *wrong)
@@ -265,14 +272,14 @@ class _CheckAnswer:
         node = self._block.root.at(*path)
         if isinstance(node.value, dict) and "by" not in node.keys and "name" not in self._keys:
             yield self._block.wrong_key(
-                path, f"`{path[1]}` has no name of a person", "add `by:` here, or `name:` to the file"
+                path, msg(f"`{arg(path[1])}` has no name of a person"), "add `by:` here, or `name:` to the file"
             )
 
     def _find_duplicates(self, part: str, others: tuple[str, ...]) -> Iterator[Finding]:
         for name in self._names(part):
             for other in others:
                 if name in self._names(other):
-                    message = f"`{name}` is also listed under `{other}`"
+                    message = msg(f"`{arg(name)}` is also listed under `{arg(other)}`")
                     yield self._block.wrong_key((part, name), message, "remove it from one of them")
 
     def _require_name(self) -> Iterator[Finding]:
@@ -288,7 +295,7 @@ class _CheckAnswer:
 def _answer_problem(item: Item) -> tuple[str, str] | None:
     if item.kind is ItemKind.AUTOMATIC:
         return (
-            f"`{item.id}` is checked by the toolkit: a person cannot answer it",
+            msg(f"`{arg(item.id)}` is checked by the toolkit: a person cannot answer it"),
             "remove it, or put it under `overrides`",
         )
     return None
@@ -297,7 +304,7 @@ def _answer_problem(item: Item) -> tuple[str, str] | None:
 def _consent_problem(item: Item) -> tuple[str, str] | None:
     if item.kind is not ItemKind.ACTIVE:
         return (
-            f"`{item.id}` needs no consent",
+            msg(f"`{arg(item.id)}` needs no consent"),
             "put it under `answers`" if item.kind is ItemKind.PERSON else "remove it",
         )
     return None

@@ -10,6 +10,7 @@ from atlantis_netcfg.checklist._ledger import is_picture
 from atlantis_netcfg.checklist._signing import ChecklistUsageError
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import EvidenceKind
 
 if TYPE_CHECKING:
@@ -66,7 +67,9 @@ def refused_person(by: str, people: Sequence[str], what: str) -> tuple[str, str]
     """Return why `by` may not answer, override or sign, and who may; None if allowed. `people` empty: anybody may."""
     if not people or _same(by) in map(_same, people):
         return None
-    return f"{by} may not {what}: the inventory names others", f"it must be one of: {', '.join(people)}"
+    return msg(f"{arg(by)} may not {arg(what)}: the inventory names others"), msg(
+        f"it must be one of: {arg(join(', ', people))}"
+    )
 
 
 def _same(name: str) -> str:
@@ -87,7 +90,9 @@ def missing_evidence(request: base.EvidenceRequest, confirmation: Confirmation) 
     if confirmation.verdict not in {Verdict.PASS, Verdict.WARN}:
         return None
     if value is not None and request.outside(value):
-        return f"{value:g} {request.unit} does not pass: required is {words}", "measure again, or answer FAIL"
+        return msg(
+            f"{arg(value):g} {arg(request.unit)} does not pass: required is {arg(words)}"
+        ), "measure again, or answer FAIL"
     match request.kind:
         case EvidenceKind.NUMBER:
             missing = value is None
@@ -95,7 +100,7 @@ def missing_evidence(request: base.EvidenceRequest, confirmation: Confirmation) 
             missing = not confirmation.note.strip()
         case EvidenceKind.PHOTO:
             missing = not any(map(is_photo, confirmation.files))
-    return (f"required: {words}", _GIVE[request.kind]) if missing else None
+    return (msg(f"required: {arg(words)}"), _GIVE[request.kind]) if missing else None
 
 
 _GIVE = {
@@ -109,10 +114,11 @@ def clean_text(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
     """Return a person's text as one line. Raises ChecklistUsageError if it is empty, too long or not printable."""
     line = " ".join(text.split())
     if not line:
-        raise ChecklistUsageError(f"{what} is missing", hint="it appears in the report in a person's name")
+        raise ChecklistUsageError(f"{arg(what)} is missing", hint="it appears in the report in a person's name")
     if len(line) > most or not line.isprintable():
         raise ChecklistUsageError(
-            f"{what} is too long, or contains control characters", hint=f"use at most {most} printable characters"
+            f"{arg(what)} is too long, or contains control characters",
+            hint=f"use at most {arg(most)} printable characters",
         )
     return line
 
@@ -122,7 +128,7 @@ def unskippable(item: report.Item) -> tuple[str, str] | None:
     if item.endpoint != "site" or item.id.rpartition("/")[2] not in _ALWAYS:
         return None
     hint = "answer what was observed, or INCONCLUSIVE (`unclear`) and override it with a reason"
-    return f"`{item.id}` applies at every site: it cannot be skipped", hint
+    return msg(f"`{arg(item.id)}` applies at every site: it cannot be skipped"), hint
 
 
 def clean_name(name: str) -> str:
@@ -134,10 +140,12 @@ def _require_sayable(item: report.Item, verdict: Verdict) -> None:
     """Raise ChecklistUsageError if a person cannot give this verdict for the item."""
     if item.kind is report.ItemKind.AUTOMATIC:
         hint = "have it checked again, or override it with a reason"
-        raise ChecklistUsageError(f"`{item.id}` is checked by the toolkit: a person cannot answer it", hint=hint)
+        raise ChecklistUsageError(f"`{arg(item.id)}` is checked by the toolkit: a person cannot answer it", hint=hint)
     if verdict not in SAYABLE:
-        words = ", ".join(SAYABLE)
-        raise ChecklistUsageError(f"a person cannot give the verdict {verdict}", hint=f"choose one of: {words}")
+        words = join(", ", SAYABLE)
+        raise ChecklistUsageError(
+            f"a person cannot give the verdict {arg(verdict)}", hint=f"choose one of: {arg(words)}"
+        )
     if verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
         raise ChecklistUsageError(wrong[0], hint=wrong[1])
 
@@ -160,17 +168,18 @@ def confirm_item(
         missing_evidence(request, confirmation),
     ):
         if wrong is not None:
-            raise ChecklistUsageError(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
+            raise ChecklistUsageError(f"`{arg(item.id)}`: {arg(wrong[0])}", hint=wrong[1])
     _require_sayable(item, confirmation.verdict)
     note = (
-        clean_text(confirmation.note, f"the reason for {confirmation.verdict}")
+        clean_text(confirmation.note, msg(f"the reason for {arg(confirmation.verdict)}"))
         if confirmation.note or confirmation.verdict is not Verdict.PASS
         else ""
     )
     if confirmation.value is not None:
         number = f"{confirmation.value:g} {request.unit}"
-        note = f"{number}; {note}" if note else number
-    message = _STATEMENTS[confirmation.verdict].format(by=by) + (f": {note}" if note else "")
+        note = msg(f"{arg(number)}; {arg(note)}") if note else number
+    message = msg(_STATEMENTS[confirmation.verdict].format(by=arg(by)))
+    message = msg(f"{arg(message)}: {arg(note)}") if note else message
     mend = _HINTS.get(confirmation.verdict)
     return item.model_copy(
         update={
@@ -229,10 +238,12 @@ def earlier_answers(item: report.Item, answer: PersonAnswer | None = None) -> tu
         return tuple(evidence_list)
     if (override := item.override) is not None:
         evidence_list.append(
-            _earlier_evidence(EARLIER_OVERRIDE, f"{item.verdict}: {override.reason}", override.by, override.at)
+            _earlier_evidence(
+                EARLIER_OVERRIDE, msg(f"{arg(item.verdict)}: {arg(override.reason)}"), override.by, override.at
+            )
         )
     if before is not None:
-        words = f"{before.verdict}: {before.note}" if before.note else str(before.verdict)
+        words = msg(f"{arg(before.verdict)}: {arg(before.note)}") if before.note else str(before.verdict)
         evidence_list.append(_earlier_evidence(EARLIER, words, before.by, item.at))
     return tuple(evidence_list)
 
@@ -252,7 +263,7 @@ def _answer_of(item: report.Item) -> PersonAnswer | None:
 
 def _file_evidence(stored_file: CopiedFile, by: str, at: datetime) -> report.Evidence:
     name = stored_file.file.rpartition("/")[2].partition("-")[2]
-    size = f"{stored_file.size} bytes"
+    size = msg(f"{arg(stored_file.size)} bytes")
     return report.Evidence(
         type=report.EvidenceType.FILE,
         what=name,
@@ -270,10 +281,10 @@ def override_item(item: report.Item, reason: str, by: str, at: datetime, people:
     `people`: names of those allowed to override; empty: anybody.
     """
     if (wrong := refused_person(by, people, "override it")) is not None:
-        raise ChecklistUsageError(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
+        raise ChecklistUsageError(f"`{arg(item.id)}`: {arg(wrong[0])}", hint=wrong[1])
     if item.verdict not in OVERRIDABLE:
-        hint = f"only {', '.join(OVERRIDABLE)} can be overridden; if the state has changed, answer it again"
-        raise ChecklistUsageError(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
+        hint = msg(f"only {arg(join(', ', OVERRIDABLE))} can be overridden; if the state has changed, answer it again")
+        raise ChecklistUsageError(f"`{arg(item.id)}` is {arg(item.verdict)}: there is nothing to override", hint=hint)
     override = report.Override(reason=clean_text(reason, "the reason for the override"), by=clean_name(by), at=at)
     return item.model_copy(update={"override": override, "evidence": _with_override(item, override)})
 
@@ -283,5 +294,5 @@ def _with_override(item: report.Item, override: report.Override) -> tuple[report
     before = item.override
     if before is None or (before.reason, before.by) == (override.reason, override.by):
         return item.evidence
-    words = f"{item.verdict}: {before.reason}"
+    words = msg(f"{arg(item.verdict)}: {arg(before.reason)}")
     return (*item.evidence, _earlier_evidence(EARLIER_OVERRIDE, words, before.by, before.at))

@@ -10,6 +10,7 @@ from atlantis_netcfg.checklist import _ledger, _signing, report
 from atlantis_netcfg.checklist._opening import runs
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -59,7 +60,9 @@ def _load_checklist(run: Path) -> SavedChecklist | None:
         return SavedChecklist(run, VehicleState.DAMAGED, document, f"{_ledger.FILE} {lines.damage}")
     if document is None:
         is_empty = [path.name for path in run.iterdir()] == [_ledger.FILE]  # killed before the first record
-        return None if is_empty else SavedChecklist(run, VehicleState.DAMAGED, None, f"{_ledger.FILE} is empty")
+        return (
+            None if is_empty else SavedChecklist(run, VehicleState.DAMAGED, None, msg(f"{arg(_ledger.FILE)} is empty"))
+        )
     reasons = [
         record.record.why for record in lines.records if isinstance(record.record, _ledger.SupersedeResultRecord)
     ]
@@ -76,7 +79,7 @@ def _load_signed(run: Path) -> SavedChecklist:
         troubles = list(_signing.check_report(data, {key}))
         document = report.Document.model_validate(_signing.parse_json(data))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return SavedChecklist(run, VehicleState.DAMAGED, None, f"its {_signing.REPORT} cannot be read")
+        return SavedChecklist(run, VehicleState.DAMAGED, None, msg(f"its {arg(_signing.REPORT)} cannot be read"))
     return SavedChecklist(
         run, VehicleState.DAMAGED if troubles else VehicleState.SIGNED, document, troubles[0].what if troubles else ""
     )
@@ -142,12 +145,14 @@ def _changed_items(before: Mapping[str, report.Item], after: Mapping[str, report
         old = before.get(name)
         if old is not None and _state(old) == _state(item):
             continue
-        message = item.message if item.override is None else f"{item.message}; overridden by {_override(item)}"
+        message = (
+            item.message if item.override is None else msg(f"{arg(item.message)}; overridden by {arg(_override(item))}")
+        )
         yield report.ItemChange(
             id=name,
             before=old.verdict if old is not None else None,
             after=item.verdict,
-            message=message if old is not None else f"new: {message}",
+            message=message if old is not None else msg(f"new: {arg(message)}"),
         )
 
 
@@ -158,7 +163,7 @@ def _state(item: report.Item) -> tuple[object, ...]:
 
 
 def _override(item: report.Item) -> str:
-    return f"{item.override.by}: {item.override.reason}" if item.override is not None else ""
+    return msg(f"{arg(item.override.by)}: {arg(item.override.reason)}" if item.override is not None else "")
 
 
 def _find_removed_items(
@@ -167,5 +172,5 @@ def _find_removed_items(
     for name, item in before.items():
         if name not in after:
             yield report.ItemChange(
-                id=name, before=item.verdict, after=None, message=f"no longer checked: {item.title}"
+                id=name, before=item.verdict, after=None, message=msg(f"no longer checked: {arg(item.title)}")
             )

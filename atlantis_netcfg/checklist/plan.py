@@ -15,6 +15,7 @@ from atlantis_netcfg.checklist.probes.items import items_of, people
 from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 
 if TYPE_CHECKING:
@@ -118,8 +119,10 @@ def _refuse_unknown(inventory: Inventory, site: str, scope: Scope) -> None:
         if vehicle not in inventory.vehicles:
             raise _unknown_name_error("vehicle", vehicle, inventory.vehicles)
         if here is not None and vehicle not in here:
-            hint = f"its vehicles are: {', '.join(here) or 'none'}; they are set in `checklist.vehicles` of the site"
-            raise errors.NoMatchError(f"`{vehicle}` is not tested at {site}", hint=hint)
+            hint = msg(
+                f"its vehicles are: {arg(join(', ', here) or 'none')}; they are set in `checklist.vehicles` of the site"
+            )
+            raise errors.NoMatchError(f"`{arg(vehicle)}` is not tested at {arg(site)}", hint=hint)
     for endpoint in scope.endpoints:
         if endpoint not in registry.TITLES:
             raise _unknown_name_error("endpoint", endpoint, registry.TITLES)
@@ -134,34 +137,36 @@ def _refuse_mixed(inventory: Inventory, site: str, scope: Scope) -> None:
     here = inventory.sites[site].checklist.vehicles
     if scope.alone is report.Phase.INTEGRATION and len(scope.vehicles) != 1:
         every = scope.vehicles or [key for key in inventory.vehicles if here is None or key in here] or ["NAME"]
-        hint = f"name it: `provision check site={site} vehicle={every[0]} phase=integration`"
+        hint = msg(f"name it: `provision check site={arg(site)} vehicle={arg(every[0])} phase=integration`")
         raise errors.UsageError("an integration record is for one robot", hint=hint)
     if scope.alone and len(scope.phases) > 1:
-        hint = f"`provision check site={site} phase=recovery` on its own, when the vehicles are back"
+        hint = msg(f"`provision check site={arg(site)} phase=recovery` on its own, when the vehicles are back")
         if scope.alone is report.Phase.INTEGRATION:
-            hint = f"`provision check site={site} vehicle={scope.vehicles[0]} phase=integration` on its own"
-        raise errors.UsageError(f"the items of {scope.alone} are a separate checklist", hint=hint)
+            hint = msg(
+                f"`provision check site={arg(site)} vehicle={arg(scope.vehicles[0])} phase=integration` on its own"
+            )
+        raise errors.UsageError(f"the items of {arg(scope.alone)} are a separate checklist", hint=hint)
 
 
 def _unknown_name_error(what: str, word: str, names: Iterable[str]) -> errors.NoMatchError:
     every = list(names)
     near = errors.nearest(word, every)
-    choices = f"choose one of: {', '.join(every) or 'none'}"
+    choices = msg(f"choose one of: {arg(join(', ', every) or 'none')}")
     return errors.NoMatchError(
-        f"unknown {what} `{word}`", hint=f"did you mean `{near}`? {choices}" if near else choices
+        f"unknown {arg(what)} `{arg(word)}`", hint=f"did you mean `{arg(near)}`? {arg(choices)}" if near else choices
     )
 
 
 def _empty_scope_error(site: str, scope: Scope) -> errors.NoMatchError:
     if scope.alone is report.Phase.INTEGRATION:
-        hint = f"create its file robots/{scope.vehicles[0]}.yml in the inventory: see docs/robots.md"
+        hint = msg(f"create its file robots/{arg(scope.vehicles[0])}.yml in the inventory: see docs/robots.md")
         return errors.NoMatchError(
-            f"`{scope.vehicles[0]}` has no robot file, so it has no integration record", hint=hint
+            f"`{arg(scope.vehicles[0])}` has no robot file, so it has no integration record", hint=hint
         )
     if scope.alone:
         hint = "add them under `checklist: items:` with `phase: recovery` (docs/checklist.md)"
-        return errors.NoMatchError(f"{site} has no such recovery item in the inventory", hint=hint)
-    hint = f"remove an argument: `provision check site={site}` lists all items"
+        return errors.NoMatchError(f"{arg(site)} has no such recovery item in the inventory", hint=hint)
+    hint = msg(f"remove an argument: `provision check site={arg(site)}` lists all items")
     return errors.NoMatchError("no item of the checklist is left", hint=hint)
 
 
@@ -244,12 +249,12 @@ def _item(cell: probes.Cell, step: probes.Step, *, table3: bool) -> report.Item:
         phase=step.phase,
         open=not is_skipped,
         verdict=Verdict.SKIP if is_skipped else Verdict.INCONCLUSIVE,
-        message=step.unless or (f"waits for {_join_names(step.by)}" if step.by else _OPEN[step.kind]),
+        message=step.unless or (msg(f"waits for {arg(_join_names(step.by))}") if step.by else _OPEN[step.kind]),
     )
 
 
 def _join_names(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
+    return names[0] if len(names) == 1 else msg(f"one of {arg(join(', ', names))}")
 
 
 _OPEN = {
@@ -275,7 +280,7 @@ def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.Lef
         (entry.cell.name, registry.TITLES[entry.item.endpoint]) for entry in entries if not _is_in_scope(entry, scope)
     )
     for name, title in away:
-        yield report.LeftOut(what=f"{name}: {title}", why=f"excluded by `{words}`")
+        yield report.LeftOut(what=msg(f"{arg(name)}: {arg(title)}"), why=msg(f"excluded by `{arg(words)}`"))
 
 
 def _notes(inventory: Inventory, site: str) -> Iterator[str]:
@@ -283,13 +288,17 @@ def _notes(inventory: Inventory, site: str) -> Iterator[str]:
     reserved_keys = {row.name for row in inventory.sites[site].lan.reservations}
     robots = {key: vehicle for key, vehicle in inventory.vehicles.items() if key in reserved_keys}
     if len({vehicle.partner or f"unknown: {key}" for key, vehicle in robots.items()}) > 1:
-        names = ", ".join(
-            f"{robot.name} ({robot.partner or 'partner not in the inventory'})" for robot in robots.values()
+        names = join(
+            ", ",
+            (
+                msg(f"{arg(robot.name)} ({arg(robot.partner or 'partner not in the inventory')})")
+                for robot in robots.values()
+            ),
         )
-        yield (
-            f"neighbours in the LAN of {site} reach each other, whatever the policy says: traffic between ports of "
-            f"one switch, or through one access point, passes no filter. Robots with an address there: {names}. Do "
-            "not plug in a robot that must be kept from the others: connect it over the VPN only"
+        yield msg(
+            f"neighbours in the LAN of {arg(site)} reach each other, whatever the policy says: traffic between ports "
+            "of one switch, or through one access point, passes no filter. Robots with an address there: "
+            f"{arg(names)}. Do not plug in a robot that must be kept from the others: connect it over the VPN only"
         )
 
 
@@ -297,7 +306,7 @@ def _notes_of_robots(rows: Iterable[report.Row]) -> Iterator[str]:
     """Yield a note about robots without a file that lists what they should publish."""
     names = [row.name for row in rows if row.kind != "location" and probes.ROBOT not in row.beside]
     if names:
-        yield f"not checked, because they have no file in robots/: what {', '.join(names)} publish"
+        yield msg(f"not checked, because they have no file in robots/: what {arg(join(', ', names))} publish")
 
 
 def _notes_of_guests(inventory: Inventory, rows: Iterable[report.Row]) -> Iterator[str]:
@@ -306,8 +315,8 @@ def _notes_of_guests(inventory: Inventory, rows: Iterable[report.Row]) -> Iterat
         vehicle = inventory.vehicles.get(row.key) if row.kind != "location" else None
         if vehicle is not None and vehicle.guest:
             partner = inventory.partners[vehicle.partner or ""].full_name
-            until = f" until {vehicle.until}" if isinstance(vehicle, model.Guest) else ""
-            yield f"{row.name} is a guest of {partner}{until}, not a robot of the report's Table 3"
+            until = msg(f" until {arg(vehicle.until)}" if isinstance(vehicle, model.Guest) else "")
+            yield msg(f"{arg(row.name)} is a guest of {arg(partner)}{arg(until)}, not a robot of the report's Table 3")
 
 
 def _notes_of_items(inventory: Inventory, site: str, scope: Scope, every: Iterable[PlanEntry]) -> Iterator[str]:
@@ -316,18 +325,18 @@ def _notes_of_items(inventory: Inventory, site: str, scope: Scope, every: Iterab
     other = [mission.name for mission in missions if any(scope.has(item) for item in mission.items)]
     selected_mission = next((mission for mission in missions if mission.name == scope.mission), None)
     if selected_mission is not None:
-        yield f"with the items of mission {selected_mission.name}: {selected_mission.title}"
+        yield msg(f"with the items of mission {arg(selected_mission.name)}: {arg(selected_mission.title)}")
     elif other:
-        yield f"no mission given; `mission=NAME` adds the items of a mission: {', '.join(other)}"
+        yield msg(f"no mission given; `mission=NAME` adds the items of a mission: {arg(join(', ', other))}")
     later = [entry for entry in every if entry.item.phase is report.Phase.RECOVERY]
     later = [entry for entry in later if not scope.vehicles or entry.item.vehicle in scope.vehicles]
     if later and not scope.alone:
-        words = "1 item of recovery is" if len(later) == 1 else f"{len(later)} items of recovery are"
+        words = msg("1 item of recovery is" if len(later) == 1 else f"{arg(len(later))} items of recovery are")
         vehicles = f" vehicle={','.join(scope.vehicles)}" if scope.vehicles else ""
         mission = f"{vehicles} mission={scope.mission}" if scope.mission else vehicles
-        yield (
-            f"{words} still to come, in a separate checklist, when the vehicles are back: `provision check "
-            f"site={site}{mission} phase=recovery`"
+        yield msg(
+            f"{arg(words)} still to come, in a separate checklist, when the vehicles are back: `provision check "
+            f"site={arg(site)}{arg(mission)} phase=recovery`"
         )
 
 
@@ -381,7 +390,7 @@ class _DrawingBuilder:
         """Yield the remote nodes, the VPN's server first, because lines to it run along that side."""
         if self._server.site != self._site:
             yield self._host(self._server)
-        names = ", ".join(partner.full_name for partner in self._inventory.partners.values())
+        names = join(", ", (partner.full_name for partner in self._inventory.partners.values()))
         if names:
             yield report.DrawnNode(key=_PARTNERS, label="Partners", kind="partner", detail=names)
         if self._server.site != self._site:

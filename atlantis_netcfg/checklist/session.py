@@ -19,6 +19,7 @@ from atlantis_netcfg.checklist import _ledger, _opening, _signing, confirmations
 from atlantis_netcfg.checklist.history import compare_with_green, last_green
 from atlantis_netcfg.checklist.verify import close_book
 from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.runs import SiteLock, utc_now
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ class ChecklistSession:
 
         Raises SiteBusy, naming the current user of the site's checklists; JournalError.
         """
-        lock = SiteLock(folder / "lock", f"the checklist of {checklist.site}", command)
+        lock = SiteLock(folder / "lock", msg(f"the checklist of {arg(checklist.site)}"), command)
         lock.__enter__()
         try:
             there = _opening.find_open_book(folder, checklist, head, anew=anew, now=now)
@@ -99,8 +100,12 @@ class ChecklistSession:
         """Return one item by its id. Raises ChecklistUsageError."""
         if name not in self._items:
             near = nearest(name, self._items)
-            hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` lists all ids"
-            raise _signing.ChecklistUsageError(f"this checklist has no item `{name}`", hint=hint)
+            hint = msg(
+                f"did you mean `{arg(near)}`?"
+                if near
+                else f"`provision check site={arg(self._document.site)}` lists all ids"
+            )
+            raise _signing.ChecklistUsageError(f"this checklist has no item `{arg(name)}`", hint=hint)
         return self._items[name]
 
     def settle(self, item: report.Item) -> report.Item:
@@ -172,11 +177,14 @@ class ChecklistSession:
         rest = [name for name in waiting if name not in leave]
         if rest:
             raise _signing.SigningError(
-                f"{len(rest)} of {len(self.items)} items are open: {_join_few(rest)}",
+                f"{arg(len(rest))} of {arg(len(self.items))} items are open: {arg(_join_few(rest))}",
                 hint="resolve them, override them with a reason, or leave them open on purpose with a reason",
             )
         reasons = {name: confirmations.clean_text(leave[name], "the reason for leaving it open") for name in waiting}
-        return tuple(report.LeftOut(what=f"{name}: {waiting[name].title}", why=why) for name, why in reasons.items())
+        return tuple(
+            report.LeftOut(what=msg(f"{arg(name)}: {arg(waiting[name].title)}"), why=why)
+            for name, why in reasons.items()
+        )
 
     def _record(self, how: Literal["settled", "confirmed", "overridden"], item: report.Item) -> report.Item:
         self._refuse_signed()
@@ -190,4 +198,4 @@ class ChecklistSession:
 
 
 def _join_few(names: list[str]) -> str:
-    return ", ".join(names[:_FEW]) + (" …" if len(names) > _FEW else "")
+    return join(", ", names[:_FEW]) + (" …" if len(names) > _FEW else "")

@@ -33,6 +33,7 @@ from atlantis_netcfg.checklist._signing import (
 )
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.core.atomic_files import DRAFT
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.runs import os_errors_as, write_atomically
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key
     """Write everything that is signed. Raises SigningError for an unknown file in the folder, JournalError."""
     wrong = [name for name in pages if not _PAGE.fullmatch(name) or name in {REPORT, MANIFEST, _ledger.FILE}]
     if wrong:
-        raise ValueError(f"invalid page names: {wrong}")
+        raise ValueError(msg(f"invalid page names: {arg(wrong)}"))
     _clear(folder, {*pages, REPORT})
     files = {REPORT: render_json(document.model_dump(mode="json")), **pages}
     with os_errors_as("the report", folder):
@@ -87,8 +88,8 @@ def _clear(folder: Path, local: set[str]) -> None:
         if name in local or DRAFT.fullmatch(path.name) or _ledger.COPY.fullmatch(name):
             path.unlink()
         else:
-            hint = f"remove it from {folder}, or give it as evidence of an item; then sign"
-            raise SigningError(f"`{name}` in the folder of the checklist does not belong to it", hint=hint)
+            hint = msg(f"remove it from {arg(folder)}, or give it as evidence of an item; then sign")
+            raise SigningError(f"`{arg(name)}` in the folder of the checklist does not belong to it", hint=hint)
     empty = folder / _ledger.FOLDER
     if empty.is_dir() and not any(empty.iterdir()):
         empty.rmdir()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -122,7 +123,7 @@ def _via(via: str) -> str:
 
     if via != SSH and not (via.startswith(SERIAL) and via != SERIAL):
         raise UsageError(
-            f"`via={via}` is not a valid way to reach a router", hint="type `via=ssh` or `via=serial:/dev/ttyUSB0`"
+            f"`via={arg(via)}` is not a valid way to reach a router", hint="type `via=ssh` or `via=serial:/dev/ttyUSB0`"
         )
     return via
 
@@ -133,7 +134,7 @@ def _seconds(text: str | None) -> float:
     if text is None:
         return 600.0
     if not text.isdecimal():
-        raise UsageError(f"`wait={text}` is not a number of seconds", hint="type `wait=600`")
+        raise UsageError(f"`wait={arg(text)}` is not a number of seconds", hint="type `wait=600`")
     return float(text)
 
 
@@ -151,7 +152,7 @@ def _passwords(arguments: syntax.Arguments, name: str) -> Iterator[Secret]:
         return
     yield Secret("")
     if sys.stdin.isatty() and not arguments.flag("json"):
-        yield Secret(getpass(f"Password of the factory user on {name} (see its label): "))
+        yield Secret(getpass(msg(f"Password of the factory user on {arg(name)} (see its label): ")))
 
 
 def _read_secret_file(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the command only
@@ -161,9 +162,9 @@ def _read_secret_file(path: Any) -> Secret:  # noqa: ANN401 - pathlib is importe
     try:
         mode, text = path.stat().st_mode, path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"cannot read the password file {path}", hint=getattr(error, "strerror", None)) from error
+        raise UsageError(f"cannot read the password file {arg(path)}", hint=getattr(error, "strerror", None)) from error
     if mode & 0o077:
-        raise UsageError(f"other users can read the password file {path}", hint=f"type `chmod 600 {path}`")
+        raise UsageError(f"other users can read the password file {arg(path)}", hint=f"type `chmod 600 {arg(path)}`")
     return Secret(text.rstrip("\r\n"))
 
 
@@ -182,9 +183,9 @@ def _agreement_callback(arguments: syntax.Arguments) -> Callable[[AdoptionOutcom
 def _show(state: str, steps: tuple[str, ...]) -> None:
     from atlantis_netcfg.core import printable
 
-    print(translate(f"the router is {state}; steps:"), flush=True)
+    print(translate(f"the router is {arg(state)}; steps:"), flush=True)
     for number, step in enumerate(steps, start=1):
-        print(translate(f"  {number}. {printable.line(step)}"), flush=True)
+        print(translate(f"  {arg(number)}. {arg(printable.line(step))}"), flush=True)
 
 
 def _print_result(arguments: syntax.Arguments, result: AdoptionResult) -> ExitCode:
@@ -200,7 +201,7 @@ def _print_result(arguments: syntax.Arguments, result: AdoptionResult) -> ExitCo
     for note in result.notes:
         print(f"  {'':<18} {translate('note:')} {printable.below(translate(note), 27)}")
     if result.run:
-        print(translate(f"  recorded as {result.run}"))
+        print(translate(f"  recorded as {arg(result.run)}"))
     if arguments.flag("rehearse"):
         print(translate("  rehearsed with an emulated router: no real device was contacted, no cable was moved"))
     return result.exit
@@ -266,28 +267,32 @@ def _trust_identity(identity: DeviceIdentity, request: Request) -> ExitCode:
     from atlantis_netcfg.core.errors import DeviceError, ExitCode
     from atlantis_netcfg.operations.trust import agree
 
-    shows = f"{identity.device}: its {identity.service} is {identity.actual_key}"
+    shows = msg(f"{arg(identity.device)}: its {arg(identity.service)} is {arg(identity.actual_key)}")
     if identity.is_known:
-        print(translate(f"{shows}, as {'declared' if identity.declared_key else 'accepted before'}"), flush=True)
+        print(translate(f"{arg(shows)}, as {'declared' if identity.declared_key else 'accepted before'}"), flush=True)
         return ExitCode.DONE
     field = "fingerprint" if identity.service == "certificate" else "host_key"
     if identity.declared_key:
         raise DeviceError(
-            f"{shows}, but the inventory has {identity.declared_key}: nothing was trusted",
+            f"{arg(shows)}, but the inventory has {arg(identity.declared_key)}: nothing was trusted",
             hint=(
                 "another device, a new certificate, or an intercepted connection; if the certificate was renewed, "
-                f"change `{field}`"
+                f"change `{arg(field)}`"
             ),
         )
     print(
-        translate(f"{shows}; {f'accepted before: {identity.pinned_key}' if identity.pinned_key else 'not seen before'}")
+        translate(
+            f"{arg(shows)}; "
+            f"{f'accepted before: {arg(identity.pinned_key)}' if identity.pinned_key else 'not seen before'}"
+        )
     )
-    print(translate(f"  {identity.compare}"), flush=True)
-    require_agreement(f"Is this really {identity.device}?")
+    print(translate(f"  {arg(identity.compare)}"), flush=True)
+    require_agreement(msg(f"Is this really {arg(identity.device)}?"))
     agree(identity, request)
     print(
         translate(
-            f"stored on this computer; for all other computers, set `{field}: {identity.actual_key}` under its `access`"
+            f"stored on this computer; for all other computers, set `{arg(field)}: {arg(identity.actual_key)}` under "
+            "its `access`"
         ),
         flush=True,
     )
@@ -303,26 +308,26 @@ def _trust_computer(inventory: Inventory, host: Host, request: Request) -> ExitC
     ssh = getattr(host.device, "ssh", None)
     if state is not KeyState.MATCH and ssh is not None and ssh.host_key is not None:
         raise DeviceError(
-            f"{host.name} does not show the SSH host key that is in the inventory: nothing was trusted",
+            f"{arg(host.name)} does not show the SSH host key that is in the inventory: nothing was trusted",
             hint="another computer, a new card, or an intercepted connection; if it was reinstalled, change `host_key`",
         )
     if state is KeyState.MISMATCH:
         raise DeviceError(
-            f"{host.name} shows a different SSH host key than before: nothing was trusted",
+            f"{arg(host.name)} shows a different SSH host key than before: nothing was trusted",
             hint=(
-                f"only if it is a new computer or a new card: run `ssh-keygen -R {host.name}`, then the same "
+                f"only if it is a new computer or a new card: run `ssh-keygen -R {arg(host.name)}`, then the same "
                 "command again"
             ),
         )
     if state is KeyState.UNKNOWN:
         print(
             translate(
-                f"{host.name}: OpenSSH shows its key; to compare, run on that computer: ssh-keygen -lf "
+                f"{arg(host.name)}: OpenSSH shows its key; to compare, run on that computer: ssh-keygen -lf "
                 "/etc/ssh/ssh_host_ed25519_key.pub"
             )
         )
         computer.ask()
         if computer.look() is not KeyState.MATCH:
-            raise DeviceError(f"{host.name}: not confirmed, so nothing was trusted")
-    print(translate(f"{host.name}: its SSH host key is known"), flush=True)
+            raise DeviceError(f"{arg(host.name)}: not confirmed, so nothing was trusted")
+    print(translate(f"{arg(host.name)}: its SSH host key is known"), flush=True)
     return ExitCode.DONE

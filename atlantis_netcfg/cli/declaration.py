@@ -13,6 +13,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -68,7 +69,7 @@ def _print_valid(inventory: Inventory, warnings: Sequence[Finding], arguments: s
 
     kinds = Counter(host.device.kind for host in inventory.hosts.values())
     names_by_kind = {
-        "sites": [f"{site} ({len(inventory.site_hosts(site))} hosts)" for site in inventory.sites],
+        "sites": [msg(f"{arg(site)} ({arg(len(inventory.site_hosts(site)))} hosts)") for site in inventory.sites],
         "hosts": [f"{count} {kind}" for kind, count in kinds.items()],
         "vehicles": list(inventory.vehicles),
         "partners": list(inventory.partners),
@@ -80,9 +81,9 @@ def _print_valid(inventory: Inventory, warnings: Sequence[Finding], arguments: s
         more = {"checked": counts, "revision": inventory.revision, "examples": examples, "warnings": warning_rows}
         _print_json_counts(ExitCode.DONE, inventory.root, errors=[], **more)
         return ExitCode.DONE
-    print(translate(f"{inventory.root}: no errors"))
+    print(translate(f"{arg(inventory.root)}: no errors"))
     for name, some in names_by_kind.items():
-        print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
+        print(msg(f"  {arg(counts[name]):>3} {arg(name):<9} {arg(join(', ', some))}").rstrip())
     _tell_warnings(warnings)
     _tell_examples(inventory, arguments)
     return ExitCode.DONE
@@ -124,12 +125,12 @@ def _tell_examples(inventory: Inventory, arguments: syntax.Arguments) -> None:
         print(f"  {line}")
     if inventory.pilot.example_values and examples:
         rehearsal = f"`provision site={next(iter(inventory.sites))} --rehearse`"
-        print(as_typed(translate(f"Still contains example values: for rehearsals only ({rehearsal})."), words))
+        print(as_typed(translate(f"Still contains example values: for rehearsals only ({arg(rehearsal)})."), words))
         if lists_all:
-            print(translate(f"{len(examples)} values are examples."))
+            print(translate(f"{arg(len(examples))} values are examples."))
         else:
             listing = translate(
-                f"{len(examples)} values are examples: `provision inventory validate --examples` lists them."
+                f"{arg(len(examples))} values are examples: `provision inventory validate --examples` lists them."
             )
             print(as_typed(listing, words))
     elif inventory.pilot.example_values:
@@ -206,7 +207,9 @@ def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
                 write_atomically(path, text.encode(), mode=None)
         except OSError as error:
             reason = error.strerror or str(error)
-            raise UsageError(f"cannot write {path}: {reason}", hint="give another folder with `to=`") from error
+            raise UsageError(
+                f"cannot write {arg(path)}: {arg(reason)}", hint="give another folder with `to=`"
+            ) from error
     return changes
 
 
@@ -220,41 +223,55 @@ def _print(
 
     first, release = views[0], views[0].release
     brings = f"Cyclone DDS {release.cyclone.version}"
-    brings += f" and Fast DDS {release.fast_dds}" if release.fast_dds is not None else ""
-    print(translate(f"{first.host}: {release.name} with {brings}, domain {first.domain}, at {first.address}"))
-    print(translate(f"  peers, without multicast: {', '.join(f'{name} {address}' for name, address in first.peers)}"))
+    brings += msg(f" and Fast DDS {arg(release.fast_dds)}" if release.fast_dds is not None else "")
     print(
         translate(
-            f"  removed after {first.lease_s} s of silence; up to {first.participants} processes of a computer are "
-            "discovered"
+            f"{arg(first.host)}: {arg(release.name)} with {arg(brings)}, domain {arg(first.domain)}, at "
+            f"{arg(first.address)}"
+        )
+    )
+    print(
+        translate(
+            f"  peers, without multicast: {arg(join(', ', (f'{name} {address}' for name, address in first.peers)))}"
+        )
+    )
+    print(
+        translate(
+            f"  removed after {arg(first.lease_s)} s of silence; up to {arg(first.participants)} processes of a "
+            "computer are discovered"
         )
     )
     for view in views:
         print(
             translate(
-                f"  {view.link:<10} announced every {view.tuning.announce_s:>2} s (estimate: "
-                f"{view.announced_mb_a_day:.0f} MB a day for each process), datagrams of up to "
-                f"{view.tuning.message_bytes} bytes"
+                f"  {arg(view.link):<10} announced every {arg(view.tuning.announce_s):>2} s (estimate: "
+                f"{arg(view.announced_mb_a_day):.0f} MB a day for each process), datagrams of up to "
+                f"{arg(view.tuning.message_bytes)} bytes"
             )
         )
     print(
         translate(
-            f"  total DDS traffic of {inventory.hosts[first.host].site}, with {first.processes} running on a computer:"
+            f"  total DDS traffic of {arg(inventory.hosts[first.host].site)}, with {arg(first.processes)} running on a "
+            "computer:"
         )
     )
     for name, traffic in costs.items():
         price = f", {traffic.bill.money}" if traffic.link.is_metered else ""
         month = size(traffic.month_bytes)
-        print(translate(f"  {name:<10} {month} a month in both directions while it carries the traffic{price}"))
+        print(
+            translate(
+                f"  {arg(name):<10} {arg(month)} a month in both directions while it carries the traffic{arg(price)}"
+            )
+        )
     for name, has_changed in changes.items():
-        print(translate(f"  {'written' if has_changed else 'unchanged':<10} {name}"))
+        print(translate(f"  {'written  ' if has_changed else 'unchanged'}  {arg(name)}"))
     if inventory.pilot.example_values:
         print(translate("The inventory still contains example values."))
 
 
 def _show(files: Mapping[str, str]) -> None:
     for name, text in files.items():
-        print(f"\n--- {name}\n{text.rstrip()}")
+        print(msg(f"\n--- {arg(name)}\n{arg(text.rstrip())}"))
 
 
 def _print_json_profiles(

@@ -8,6 +8,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -105,9 +106,10 @@ def _file(name: str | None) -> Path | None:
         return None
     path = Path(name)
     if path.is_dir() or not path.parent.is_dir():
-        why = "this is a folder" if path.is_dir() else f"no such folder: {path.parent}"
+        why = msg("this is a folder" if path.is_dir() else f"no such folder: {arg(path.parent)}")
         raise UsageError(
-            f"`--junit {name}`: {why}", hint="give a file in an existing folder, for example `--junit drift.xml`"
+            f"`--junit {arg(name)}`: {arg(why)}",
+            hint="give a file in an existing folder, for example `--junit drift.xml`",
         )
     return path
 
@@ -121,7 +123,7 @@ def _write(path: Path, data: bytes) -> None:
         write_atomically(path, data, mode=None)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise UsageError(f"cannot write {path}: {reason}", hint="give another file with `--junit`") from error
+        raise UsageError(f"cannot write {arg(path)}: {arg(reason)}", hint="give another file with `--junit`") from error
 
 
 BACKUP = syntax.CommandSpec(
@@ -260,14 +262,14 @@ def _host(inventory: Inventory, name: str, *, tries: bool) -> Host:
         host = inventory.hosts[name]
         is_rutos = isinstance(host.device, LteRouter) and host.device.driver is LteDriver.RUTOS
         if is_rutos and tries:
-            raise UsageError(f"{name} runs RutOS and can only be read", hint="remove `--try` and `--silence`")
+            raise UsageError(f"{arg(name)} runs RutOS and can only be read", hint="remove `--try` and `--silence`")
         if not is_supported(host) and not is_rutos:
-            raise UsageError(f"{name} is a {host.device.kind.replace('_', ' ')}, not a RouterOS device")
+            raise UsageError(f"{arg(name)} is a {arg(host.device.kind.replace('_', ' '))}, not a RouterOS device")
         return host
     near = nearest(name, inventory.hosts)
     raise UsageError(
-        f"no such device: `{name}`",
-        hint=f"did you mean `device={near}`?" if near else f"available: {', '.join(inventory.hosts)}",
+        f"no such device: `{arg(name)}`",
+        hint=f"did you mean `device={arg(near)}`?" if near else f"available: {arg(join(', ', inventory.hosts))}",
     )
 
 
@@ -362,10 +364,15 @@ def _tell(session: CommandSession, state: SavedState) -> None:
 
     run = session.store.run(session.site, state.run) if not session.is_rehearsal else None
     when = time_text(state.at, session.inventory.pilot.time_zone)
-    print(translate(f"{session.hosts[0].name}: the state verified by run {state.run} at {when}"), flush=True)
+    print(
+        translate(f"{arg(session.hosts[0].name)}: the state verified by run {arg(state.run)} at {arg(when)}"),
+        flush=True,
+    )
     if run is not None and run.start_record is not None and run.start_record.revision != session.inventory.revision:
         print(
-            translate(f"  the inventory has changed since: `provision site={session.site}` applies the current one"),
+            translate(
+                f"  the inventory has changed since: `provision site={arg(session.site)}` applies the current one"
+            ),
             flush=True,
         )
 
@@ -453,20 +460,27 @@ def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
     current, upgrade = preparation.observation.software, preparation.upgrade
     print(
         translate(
-            f"{preparation.job.name}: {printable.line(current.board)}, RouterOS {current.version} -> {upgrade.version}"
+            f"{arg(preparation.job.name)}: {arg(printable.line(current.board))}, RouterOS {arg(current.version)} -> "
+            f"{arg(upgrade.version)}"
         )
     )
     for package in upgrade.send:
         print(
-            translate(f"  send {package.path.name:<34} {package.size / 1e6:6.1f} MB   SHA-256 {package.sha256[:16]}…")
+            translate(
+                f"  send {arg(package.path.name):<34} {arg(package.size / 1e6):6.1f} MB   SHA-256 "
+                f"{arg(package.sha256[:16])}…"
+            )
         )
     dear = ", which is metered" if preparation.link.is_metered else ""
-    cost = f"{upgrade.size / 1e6:.1f} MB over {preparation.link.name}{dear}: about {preparation.seconds:.0f} s"
-    print(translate(f"  {cost}; then a reboot"))
+    cost = msg(
+        f"{arg(upgrade.size / 1e6):.1f} MB over {arg(preparation.link.name)}{arg(dear)}: about "
+        f"{arg(preparation.seconds):.0f} s"
+    )
+    print(translate(f"  {arg(cost)}; then a reboot"))
     if preparation.link.is_metered:
-        print(translate(f"  {preparation.cost.words}"))
+        print(translate(f"  {arg(preparation.cost.words)}"))
     for note in upgrade.notes:
-        print(translate(f"  note: {note}"))
+        print(translate(f"  note: {arg(note)}"))
 
 
 def _ask(session: CommandSession, preparation: PreparedUpgrade, request: Request) -> Request:
@@ -479,7 +493,9 @@ def _ask(session: CommandSession, preparation: PreparedUpgrade, request: Request
         confirm_cost([preparation.cost.words], ask=not session.as_json)
         request = request.model_copy(update={"accept_cost": True})
     if not session.arguments.flag("yes"):
-        require_agreement(f"Send {preparation.upgrade.size / 1e6:.1f} MB and reboot {preparation.job.name} now?")
+        require_agreement(
+            msg(f"Send {arg(preparation.upgrade.size / 1e6):.1f} MB and reboot {arg(preparation.job.name)} now?")
+        )
     return request
 
 
@@ -490,8 +506,8 @@ def _print_result(session: CommandSession, result: UpgradeResult) -> ExitCode:
         print(json_text(result.as_json()))
         return result.exit
     print(f"  {result.device:<18} {printable.below(translate(result.message), 21)}")
-    for line in filter(None, (result.hint, *(f"note: {note}" for note in result.notes))):
+    for line in filter(None, (result.hint, *(msg(f"note: {arg(note)}") for note in result.notes))):
         print(f"  {'':<18} {printable.below(translate(line), 21)}")
     if result.run:
-        print(translate(f"  recorded as {result.run}"))
+        print(translate(f"  recorded as {arg(result.run)}"))
     return result.exit

@@ -9,6 +9,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.cli.robot import ADDRESS
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -99,7 +100,7 @@ def _listen(
         if arguments.flag("write") or address is not None:
             word = "--write" if arguments.flag("write") else "address="
             raise UsageError(
-                f"`{word}` applies only to received telemetry", hint="add how long to listen: `observed=30s`"
+                f"`{arg(word)}` applies only to received telemetry", hint="add how long to listen: `observed=30s`"
             )
         return None, None
     site, vehicle = arguments.word("site"), arguments.word("vehicle")
@@ -116,11 +117,13 @@ def _change_rows(telemetry: MeasuredTelemetry, change: TelemetryChange, *, is_wr
     for finding in telemetry.findings:
         yield from _message(f"{finding.verdict.value}: {translate(finding.message)}", 0)
     if telemetry.others:
-        yield from _message(f"not counted, because not in its configuration: {', '.join(telemetry.others)}", 0)
+        yield from _message(
+            msg(f"not counted, because not in its configuration: {arg(join(', ', telemetry.others))}"), 0
+        )
     if not change.difference:
-        yield translate(f"{change.file} is already up to date")
+        yield translate(f"{arg(change.file)} is already up to date")
         return
-    yield translate(f"{change.file} was written:" if is_written else f"{change.file}, with `--write`:")
+    yield translate(f"{arg(change.file)} was written:" if is_written else f"{arg(change.file)}, with `--write`:")
     yield from (f"  {line}" for line in change.difference)
 
 
@@ -132,9 +135,13 @@ def _as_json(telemetry: MeasuredTelemetry, change: TelemetryChange, *, is_writte
 def rows(fit: VehicleFit) -> Iterator[Row]:
     """Yield the lines for a person, at most 80 columns wide unless names are long."""
     count = len(fit.links[0].topics)
-    yield translate(f"{fit.vehicle} at {fit.site}: {count} topics by {fit.middleware.value}")
-    centres = "a control centre" if fit.subscribers == 1 else f"{fit.subscribers} control centres, a copy to each"
-    yield from _message(f"published to {centres}; bytes and packets for each message, with DDS, VPN and IP headers", 0)
+    yield translate(f"{arg(fit.vehicle)} at {arg(fit.site)}: {arg(count)} topics by {arg(fit.middleware.value)}")
+    centres = msg(
+        "a control centre" if fit.subscribers == 1 else f"{arg(fit.subscribers)} control centres, a copy to each"
+    )
+    yield from _message(
+        msg(f"published to {arg(centres)}; bytes and packets for each message, with DDS, VPN and IP headers"), 0
+    )
     for link in fit.links:
         yield ""
         yield from _link(link)
@@ -157,8 +164,10 @@ def _link(link: LinkFit) -> Iterator[Row]:
         yield _topic(topic)
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
     yield from _message(
-        f"at these rates, including the site's own traffic: {link.up_bps / up:.0%} of the capacity up, "
-        f"{link.down_bps / down:.0%} down"
+        msg(
+            f"at these rates, including the site's own traffic: {arg(link.up_bps / up):.0%} of the capacity up, "
+            f"{arg(link.down_bps / down):.0%} down"
+        )
     )
     yield from _cost_rows(link, is_thinned=False)
     if not link.fits:
@@ -170,17 +179,21 @@ def _link(link: LinkFit) -> Iterator[Row]:
 def _thinning_rows(link: LinkFit) -> Iterator[Row]:
     for topic in link.topics:
         if topic.is_thinned:
-            yield from _message(f"reduce {topic.topic.topic}: {topic.topic.rate_hz:g} Hz -> {topic.rate_hz:g} Hz")
+            yield from _message(
+                msg(f"reduce {arg(topic.topic.topic)}: {arg(topic.topic.rate_hz):g} Hz -> {arg(topic.rate_hz):g} Hz")
+            )
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
-    with_it = f"{link.thinned_up_bps / up:.0%} of the capacity up, {link.thinned_down_bps / down:.0%} down"
+    with_it = msg(
+        f"{arg(link.thinned_up_bps / up):.0%} of the capacity up, {arg(link.thinned_down_bps / down):.0%} down"
+    )
     if link.fits_thinned:
-        yield from _message(f"reduced: {with_it}")
+        yield from _message(msg(f"reduced: {arg(with_it)}"))
         yield from _cost_rows(link, is_thinned=True)
     else:
-        yield from _message(f"does not fit even at the lowest useful rates: {with_it}")
+        yield from _message(msg(f"does not fit even at the lowest useful rates: {arg(with_it)}"))
         for topic in link.topics:
             if topic.most_hz < topic.rate_hz:
-                yield from _message(f"{topic.topic.topic} alone would fit up to {topic.most_hz:g} Hz")
+                yield from _message(msg(f"{arg(topic.topic.topic)} alone would fit up to {arg(topic.most_hz):g} Hz"))
 
 
 def _cost_rows(link: LinkFit, *, is_thinned: bool) -> Iterator[Row]:
@@ -189,15 +202,20 @@ def _cost_rows(link: LinkFit, *, is_thinned: bool) -> Iterator[Row]:
 
     for seconds, name in ((3600, "an hour"), (DAY_S, "a day")):
         cost = link.costs(seconds, is_thinned=is_thinned)
-        yield from _message(f"{name}: {cost.words if link.link.is_metered else size(cost.payload_bytes)}", 4)
+        yield from _message(
+            msg(f"{arg(name)}: {arg(cost.words if link.link.is_metered else size(cost.payload_bytes))}"), 4
+        )
 
 
 def _capacity(capacity: Capacity) -> str:
     from atlantis_netcfg.operations.fit.link_capacity import USABLE
 
-    rates = f"{capacity.pace.up_bps / 1000:.0f} kbit/s up, {capacity.down_bps / 1000:.0f} down"
-    loss = "loss unknown" if capacity.loss is None else f"{capacity.loss:.2%} of upstream packets lost"
-    return f"{capacity.source}: {rates}, of which {USABLE:.0%} is usable; {capacity.pace.rtt_s * 1000:.0f} ms; {loss}"
+    rates = msg(f"{arg(capacity.pace.up_bps / 1000):.0f} kbit/s up, {arg(capacity.down_bps / 1000):.0f} down")
+    loss = msg("loss unknown" if capacity.loss is None else f"{arg(capacity.loss):.2%} of upstream packets lost")
+    return msg(
+        f"{arg(capacity.source)}: {arg(rates)}, of which {arg(USABLE):.0%} is usable; "
+        f"{arg(capacity.pace.rtt_s * 1000):.0f} ms; {arg(loss)}"
+    )
 
 
 def _topic(topic: TopicFit) -> str:
@@ -205,10 +223,10 @@ def _topic(topic: TopicFit) -> str:
     loss_text = "?" if topic.message_loss is None else f"{topic.message_loss:.1%}"
     if topic.topic.reliable:
         loss_text = "again"
-    takes = f"{topic.seconds * 1000:.0f} ms" if topic.seconds < 1 else f"{topic.seconds:.1f} s"
-    return (
-        f"  {topic.topic.topic:<20}{topic.topic.rate_hz:>6g}{cost.bytes_up:>9.0f}{cost.packets_up:>9.3g}"
-        f"{cost.bytes_down:>8.0f}{topic.share:>8.1%}{takes:>9}{loss_text:>8}"
+    takes = msg(f"{arg(topic.seconds * 1000):.0f} ms" if topic.seconds < 1 else f"{arg(topic.seconds):.1f} s")
+    return msg(
+        "  "
+        f"{arg(topic.topic.topic):<20}{arg(topic.topic.rate_hz):>6g}{arg(cost.bytes_up):>9.0f}{arg(cost.packets_up):>9.3g}{arg(cost.bytes_down):>8.0f}{arg(topic.share):>8.1%}{arg(takes):>9}{arg(loss_text):>8}"
     )
 
 

@@ -15,6 +15,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -138,7 +139,7 @@ def _entry(arguments: syntax.Arguments) -> GuestEntry:
         day = date.fromisoformat(until).isoformat()
     except ValueError:
         raise UsageError(
-            f"`until={until}` is not a date", hint="year, month and day, for example `until=2026-12-31`"
+            f"`until={arg(until)}` is not a date", hint="year, month and day, for example `until=2026-12-31`"
         ) from None
     return GuestEntry(
         name=name,
@@ -169,8 +170,8 @@ def _declared_with(before: Inventory, entry: GuestEntry) -> tuple[str | None, In
         text = guests.with_guest(guests.text_of(before.root), entry)
         return text, inventory_files.validate_change(before.root, guests.FILE, text)
     if not entry.same(there):
-        hint = f"`provision robot dismiss name={entry.name}` removes it; or correct {guests.FILE}"
-        raise UsageError(f"the guest `{entry.name}` is already in the inventory, with other values", hint=hint)
+        hint = msg(f"`provision robot dismiss name={arg(entry.name)}` removes it; or correct {arg(guests.FILE)}")
+        raise UsageError(f"the guest `{arg(entry.name)}` is already in the inventory, with other values", hint=hint)
     return None, before
 
 
@@ -185,8 +186,8 @@ def _refuse_unknown(inventory: Inventory, entry: GuestEntry) -> None:
     ):
         for each in values:
             if each not in names:
-                hint = suggest(each, names, none=f"add the {word} to the inventory first")
-                raise UsageError(f"`{word}={each}`: no such {word}", hint=hint)
+                hint = suggest(each, names, none=msg(f"add the {arg(word)} to the inventory first"))
+                raise UsageError(f"`{arg(word)}={arg(each)}`: no such {arg(word)}", hint=hint)
 
 
 def _device(arguments: syntax.Arguments, entry: GuestEntry) -> DeviceWords:
@@ -227,10 +228,14 @@ def _steps_of_add(entry: GuestEntry, request: EnrolmentRequest, *, is_declared: 
 
     steps = []
     if not is_declared:
-        cells = ", ".join(entry.cells)
-        steps.append(f"add {entry.name} to {FILE}: {cells}, tested at {', '.join(entry.sites)}")
+        cells = join(", ", entry.cells)
+        steps.append(
+            msg(f"add {arg(entry.name)} to {arg(FILE)}: {arg(cells)}, tested at {arg(join(', ', entry.sites))}")
+        )
     if not member:
-        steps.append(f"give {request.name} VPN access for {request.days} days: its last day is {entry.until}")
+        steps.append(
+            msg(f"give {arg(request.name)} VPN access for {arg(request.days)} days: its last day is {arg(entry.until)}")
+        )
         steps.append("create one encrypted file with its VPN and DDS profiles")
     return steps
 
@@ -241,7 +246,7 @@ def _tell_plan(arguments: syntax.Arguments, steps: Sequence[str]) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
 
     code = ExitCode.CHANGES if steps else ExitCode.DONE
-    lines = [f"would {step}" for step in steps] or ["nothing to do: already complete"]
+    lines = [msg(f"would {arg(step)}") for step in steps] or ["nothing to do: already complete"]
     return _common.tell(arguments, code, {"plan": list(steps)}, lines)
 
 
@@ -249,8 +254,10 @@ def _lines_of_add(entry: GuestEntry, *, already: bool) -> list[str]:
     from atlantis_netcfg.operations.guests import FILE
 
     how = "already in" if already else "added to"
-    checks = [f"  its checklist: provision check site={site} vehicle={entry.name}" for site in entry.sites]
-    return [f"{entry.name}: {how} {FILE}, a guest until {entry.until}", *checks]
+    checks = [
+        msg(f"  its checklist: provision check site={arg(site)} vehicle={arg(entry.name)}") for site in entry.sites
+    ]
+    return [msg(f"{arg(entry.name)}: {arg(how)} {arg(FILE)}, a guest until {arg(entry.until)}"), *checks]
 
 
 def _print_lines(arguments: syntax.Arguments, lines: Sequence[str]) -> None:
@@ -305,10 +312,10 @@ def _end(arguments: syntax.Arguments) -> ExitCode:
     text = guests.without_guest(guests.text_of(before.root) or "", name) if guest is not None else None
     after = inventory_files.validate_change(before.root, guests.FILE, text) if guest is not None else before
     due = _to_revoke(authority, members)
-    steps = [f"revoke the VPN access of {member.name} permanently" for member in due]
-    steps += [f"remove {name} from {guests.FILE}"] if guest is not None else []
+    steps = [msg(f"revoke the VPN access of {arg(member.name)} permanently") for member in due]
+    steps += [msg(f"remove {arg(name)} from {arg(guests.FILE)}")] if guest is not None else []
     robot = guests.robot_file(before.root, name)
-    steps += [f"remove {robot.parent.name}/{robot.name}"] if robot.exists() else []
+    steps += [msg(f"remove {arg(robot.parent.name)}/{arg(robot.name)}")] if robot.exists() else []
     if arguments.flag("plan"):
         return _tell_plan(arguments, steps)
     if steps:
@@ -338,7 +345,7 @@ def _agree(arguments: syntax.Arguments, name: str, steps: Sequence[str]) -> None
 
     if not arguments.flag("yes"):
         _print_lines(arguments, [f"  {step}" for step in steps])
-        require_agreement(f"End the visit of {name} now?")
+        require_agreement(msg(f"End the visit of {arg(name)} now?"))
 
 
 def _put_out(
@@ -372,12 +379,14 @@ def _tell_end(
     from atlantis_netcfg.operations.guests import GuestLeftOver
 
     name, errors = arguments.word("name"), list(deployment.errors)
-    errors += [GuestLeftOver(f"parts of {name} are left: {words}", hint="remove it by hand") for words in leftovers]
-    lines = [f"{member.name}: revoked" for member in members]
+    errors += [
+        GuestLeftOver(f"parts of {arg(name)} are left: {arg(words)}", hint="remove it by hand") for words in leftovers
+    ]
+    lines = [msg(f"{arg(member.name)}: revoked") for member in members]
     if not leftovers:
         is_deployed = deployment.is_deployed
         how = "unchanged" if already else "ended" if is_deployed else "ended here; the server is not updated yet"
-        lines.append(f"{name}: {how}; not in the inventory, no valid certificate, no file left here")
+        lines.append(msg(f"{arg(name)}: {arg(how)}; not in the inventory, no valid certificate, no file left here"))
     values = {
         "guest": name,
         "members": [member.name for member in members],

@@ -14,6 +14,7 @@ from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load, summary_o
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -87,8 +88,8 @@ def first_words(table: Mapping[str, str]) -> Iterator[tuple[str, str]]:
 
 def of_group(word: str, table: Mapping[str, str]) -> str:
     """Return the text of `provision vpn --help`: the commands whose first word is this one."""
-    lines = [f"{translate('Usage')}:", f"  provision {word} COMMAND [arguments] [--options]", ""]
-    lines += _paragraph(f"`provision {word} COMMAND --help` describes a command.")
+    lines = [f"{translate('Usage')}:", msg(f"  provision {arg(word)} COMMAND [arguments] [--options]"), ""]
+    lines += _paragraph(msg(f"`provision {arg(word)} COMMAND --help` describes a command."))
     return "\n".join([*lines, *_subcommands(word, table)])
 
 
@@ -103,7 +104,11 @@ def of_command(command: syntax.CommandSpec, table: Mapping[str, str]) -> str:
     required_words = [word.usage for word in command.words if word.is_required]
     optional = [f"[{word.usage}]" for word in command.words if not word.is_required]
     flags = [f"[--{flag.name}{f' {flag.takes}' if flag.takes else ''}]" for flag in command.flags]
-    lines = [*_paragraph(f"provision {command.name}: {translate(command.summary)}"), "", f"{translate('Usage')}:"]
+    lines = [
+        *_paragraph(msg(f"provision {arg(command.name)}: {arg(translate(command.summary))}")),
+        "",
+        f"{translate('Usage')}:",
+    ]
     lines += _wrap_usage(f"provision {command.name}", [*required_words, *optional, *flags])
     if command.words:
         lines += ["", f"{translate('Arguments')}:", *_columns((word.usage, word_text(word)) for word in command.words)]
@@ -140,10 +145,10 @@ def _columns(rows: Iterable[tuple[str, str]], width: int = 0) -> list[str]:
     for left, right in table:
         first, *others = printable.fill(right, WIDTH - width - 4) or [""]
         if len(left) > width:
-            lines += [f"  {left}", f"  {'':<{width}}  {first}"]
+            lines += [f"  {left}", msg(f"  {'':<{width}}  {arg(first)}")]
         else:
-            lines.append(f"  {left:<{width}}  {first}")
-        lines += [f"  {'':<{width}}  {other}" for other in others]
+            lines.append(msg(f"  {arg(left):<{width}}  {arg(first)}"))
+        lines += [msg(f"  {'':<{width}}  {arg(other)}") for other in others]
     return lines
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -75,7 +76,7 @@ def _source(arguments: syntax.Arguments) -> str:
     if example is not None and file is not None:
         raise UsageError("`--from` and `--answers` cannot be used together", hint="keep one of them")
     if example not in (None, "example"):
-        raise UsageError(f"`--from {example}`: unknown value", hint="choose one of: example")
+        raise UsageError(f"`--from {arg(example)}`: unknown value", hint="choose one of: example")
     if example is None and file is None and (arguments.flag("json") or not sys.stdin.isatty()):
         raise UsageError(
             "no terminal to ask questions; nothing was written",
@@ -128,13 +129,13 @@ def _ask_person(store: KeptAnswers) -> tuple[InventoryAnswers, Mapping[str, Any]
                 store.write(answers)
         except (OSError, UsageError) as error:
             is_kept = False
-            tell(f"Your answers cannot be saved if you stop: {error}")
+            tell(msg(f"Your answers cannot be saved if you stop: {arg(error)}"))
 
     tell("Enter accepts the value in brackets, `<` goes back, `-` clears an earlier answer.")
     tell("Ctrl-C stops; the same command then offers to continue where it stopped.")
     answers = store.read()
     if answers:
-        tell(f"{len(answers)} answers are saved from the last session.")
+        tell(msg(f"{arg(len(answers))} answers are saved from the last session."))
         if not Interview(ask, tell).yes("Continue with them?", default="yes"):
             store.remove()
             answers = []
@@ -198,13 +199,14 @@ def _refuse(error: InventoryInvalid, where: str, *, as_json: bool) -> ExitCode:
     import dataclasses
     import sys
 
+    from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.inventory import report
 
     if as_json:
         rows = [dataclasses.asdict(finding) for finding in error.findings]
         print(json_text({"exit": int(error.exit), "errors": rows}))
     else:
-        print(report(error.findings, where), file=sys.stderr)
+        print(translate(report(error.findings, where)), file=sys.stderr)
     return error.exit
 
 
@@ -224,7 +226,7 @@ def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] 
             number += 1
             path = folder.with_name(f"{folder.name}-answers-{number}.yml")
         write_atomically(path, yaml.safe_dump(raw_answers, sort_keys=False, allow_unicode=True).encode(), mode=None)
-        words = translate(f"Your answers are saved in {path}: correct them, then run")
+        words = translate(f"Your answers are saved in {arg(path)}: correct them, then run")
         print(as_typed(f"{words}\n  provision inventory init {folder} --answers {path}"), file=sys.stderr)
     return code
 
@@ -240,12 +242,17 @@ def _print_created(folder: Path, inventory: Inventory, *, is_encrypted: bool | N
         document = {"exit": 0, "errors": [], "inventory": str(folder), "sites": sites, "hosts": list(inventory.hosts)}
         print(json_text({**document, "examples": examples}))
         return ExitCode.DONE
-    print(translate(f"{folder}: written and validated, no errors, {len(inventory.hosts)} hosts at {len(sites)} sites"))
+    print(
+        translate(
+            f"{arg(folder)}: written and validated, no errors, {arg(len(inventory.hosts))} hosts at {arg(len(sites))} "
+            "sites"
+        )
+    )
     if is_encrypted:
         print(translate("Passwords were generated and encrypted with your vault password."))
     if inventory.examples:
-        print(translate(f"{len(inventory.examples)} values are examples: this inventory is for rehearsals only."))
+        print(translate(f"{arg(len(inventory.examples))} values are examples: this inventory is for rehearsals only."))
         print(as_typed(f"  provision inventory validate inventory={folder} --examples"))
-    print(translate(f"Next: review {folder / 'README.md'}, and rehearse a site:"))
+    print(translate(f"Next: review {arg(folder / 'README.md')}, and rehearse a site:"))
     print(as_typed(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}"))
     return ExitCode.DONE

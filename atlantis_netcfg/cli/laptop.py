@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -74,9 +75,10 @@ def _refuse_drift(error: ImportError) -> None:
 
     if wrong := packages.drift_of(paths.checkout()):
         raise UsageError(
-            f"the packages in .venv differ from the pinned versions: {packages.summarise(wrong)}",
+            f"the packages in .venv differ from the pinned versions: {arg(packages.summarise(wrong))}",
             hint=(
-                f"run `{packages.RESTORE}` in {paths.checkout()}; the next start reinstalls them from the package index"
+                f"run `{arg(packages.RESTORE)}` in {arg(paths.checkout())}; the next start reinstalls them from the "
+                "package index"
             ),
         ) from error
 
@@ -87,7 +89,7 @@ def _rows(diagnosis: Diagnosis, arguments: syntax.Arguments) -> Iterator[Row]:
     from atlantis_netcfg.core.printable import Style, StyledText
     from atlantis_netcfg.operations.doctor import DoctorSection
 
-    yield translate(f"provision {__version__} checks this laptop (read-only)")
+    yield translate(f"provision {arg(__version__)} checks this laptop (read-only)")
     for section in DoctorSection:
         if items := [item for item in diagnosis.items if item.section is section]:
             yield StyledText(translate(section.value), Style.TITLE)
@@ -146,7 +148,7 @@ def _end(diagnosis: Diagnosis, arguments: syntax.Arguments) -> Iterator[Row]:
     from atlantis_netcfg.core.printable import Style, StyledText
 
     worst = diagnosis.worst_item
-    counts = ", ".join(f"{number} {verdict}" for verdict, number in diagnosis.counts.items())
+    counts = join(", ", (f"{number} {verdict}" for verdict, number in diagnosis.counts.items()))
     style = _verdict(worst).style if worst is not None else Style.GOOD
     yield StyledText(str(diagnosis.verdict), style), f": {counts}"
     if worst is not None:
@@ -156,4 +158,4 @@ def _end(diagnosis: Diagnosis, arguments: syntax.Arguments) -> Iterator[Row]:
             yield f"{translate('type:')}  {command}"
     if diagnosis.exit is ExitCode.DONE and diagnosis.follows:
         word = translate("type:") if worst is None else translate("then:")
-        yield f"{word}  {_complete_commands((diagnosis.follows,), arguments)[0]}"
+        yield msg(f"{arg(word)}  {arg(_complete_commands((diagnosis.follows,), arguments)[0])}")

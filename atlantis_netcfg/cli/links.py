@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
@@ -159,8 +160,8 @@ def run_prove(arguments: syntax.Arguments) -> ExitCode:
         print(json_text({**proof.as_json(), **document}))
     else:
         would = "would have " if site_session.is_rehearsal else ""
-        costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in bills_by_link.items()]
-        print(translate("\n".join([proof.as_text(), *costs, *([f"  {count_limits(len(beyond))}"] if beyond else [])])))
+        costs = [msg(f"  {arg(would)}cost over {arg(name)}: {arg(bill.words)}") for name, bill in bills_by_link.items()]
+        print(translate(join("\n", [proof.as_text(), *costs, *([f"  {count_limits(len(beyond))}"] if beyond else [])])))
     return proof.exit
 
 
@@ -253,7 +254,7 @@ def _pay(session: CommandSession, cost_previews: tuple[Preview, ...]) -> None:
     words = [item.words for item in cost_previews]
     if session.is_rehearsal:
         if words and not session.as_json:
-            print(translate(f"a real test asks first: {'; '.join(words)}"))
+            print(translate(f"a real test asks first: {arg(join('; ', words))}"))
         return
     for item in cost_previews:
         if item.over_cap:

@@ -13,6 +13,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,9 +86,9 @@ def _file(arguments: syntax.Arguments) -> Path | None:
         return None
     file = Path(name)
     if file.exists() or file.is_symlink():
-        raise UsageError(f"{file} already exists", hint="give a new file name, or remove the existing file")
+        raise UsageError(f"{arg(file)} already exists", hint="give a new file name, or remove the existing file")
     if not file.parent.is_dir():
-        raise UsageError(f"no such folder: {file.parent}", hint="create it first")
+        raise UsageError(f"no such folder: {arg(file.parent)}", hint="create it first")
     return file
 
 
@@ -116,7 +117,7 @@ def _card(arguments: syntax.Arguments, inventory: Inventory) -> Card:
     if not arguments.flag("yes"):
         from atlantis_netcfg.cli.base.consent import require_agreement
 
-        require_agreement(f"Write {device}: everything on it will be erased. Continue?")
+        require_agreement(msg(f"Write {arg(device)}: everything on it will be erased. Continue?"))
     return card
 
 
@@ -131,10 +132,10 @@ def _ask_serial(card: Card) -> str:
     what = "serial" if card.disk.serial else "name and size"
     if not sys.stdin.isatty():
         raise UsageError(
-            f"no terminal to type the {what} of the card; nothing was written",
-            hint=f"check the card, then add `serial={card.disk.proof} --yes`",
+            f"no terminal to type the {arg(what)} of the card; nothing was written",
+            hint=f"check the card, then add `serial={arg(card.disk.proof)} --yes`",
         )
-    question = translate(f"Everything on it will be erased. Type its {what} ({card.disk.proof}) to continue:")
+    question = translate(f"Everything on it will be erased. Type its {arg(what)} ({arg(card.disk.proof)}) to continue:")
     return read_line(f"{question} ") or ""
 
 
@@ -160,25 +161,25 @@ def _print_image_result(order: ImageOrder, ready: MadeImage, outcome: dict[str, 
         print(json_text({**document, **outcome}))
         return ExitCode.DONE
     for note in ready.notes:
-        print(translate(f"note: {note}"))
+        print(translate(f"note: {arg(note)}"))
     if "file" in outcome:
         print(
             translate(
-                f"{outcome['file']}: image of {order.host.name}, {outcome['size'] / 1000000.0:.0f} MB; no card was "
-                "written"
+                f"{arg(outcome['file'])}: image of {arg(order.host.name)}, {arg(outcome['size'] / 1000000.0):.0f} MB; "
+                "no card was written"
             )
         )
         return ExitCode.DONE
     write_result = outcome["written"]
     print(
         translate(
-            f"{order.host.name}: written and verified in {write_result['seconds']:.0f} s: "
-            f"{write_result['data'] / 1000000.0:.0f} MB of data, {write_result['cleared'] / 1000000.0:.0f} MB of "
-            f"zeros, {write_result['skipped'] / 1000000.0:.0f} MB skipped, "
-            f"{write_result['compared'] / 1000000.0:.0f} MB compared"
+            f"{arg(order.host.name)}: written and verified in {arg(write_result['seconds']):.0f} s: "
+            f"{arg(write_result['data'] / 1000000.0):.0f} MB of data, {arg(write_result['cleared'] / 1000000.0):.0f} "
+            f"MB of zeros, {arg(write_result['skipped'] / 1000000.0):.0f} MB skipped, "
+            f"{arg(write_result['compared'] / 1000000.0):.0f} MB compared"
         )
     )
-    print(translate(f"recorded in {outcome['receipt']}"))
+    print(translate(f"recorded in {arg(outcome['receipt'])}"))
     print(translate("Not tested: booting the board from it. Its boot switch, if any, must be set to MMC."))
     return ExitCode.DONE
 
@@ -239,7 +240,8 @@ def _refuse_both(arguments: syntax.Arguments) -> None:
         site, key = arguments.word("site"), arguments.optional("key")
         raise UsageError(
             "`key=` requires `check=`",
-            hint=f"add `check=` and the bundle folder: `provision gateway bundle site={site} check=BUNDLE key={key}`",
+            hint=f"add `check=` and the bundle folder: `provision gateway bundle site={arg(site)} check=BUNDLE "
+            f"key={arg(key)}`",
         )
 
 
@@ -267,9 +269,12 @@ def _make(arguments: syntax.Arguments, inventory: Inventory, hosts: tuple[Host, 
     def show_size(size: BundleSize) -> None:
         if not as_json:
             local_bytes = size.whole - size.to_fetch
-            have = f", {_mb(local_bytes)} already downloaded" if local_bytes else ""
+            have = msg(f", {arg(_mb(local_bytes))} already downloaded" if local_bytes else "")
             print(
-                translate(f"{size.packages} packages, {_mb(size.whole)}{have}: {_mb(size.to_fetch)} to download"),
+                translate(
+                    f"{arg(size.packages)} packages, {arg(_mb(size.whole))}{arg(have)}: {arg(_mb(size.to_fetch))} to "
+                    "download"
+                ),
                 flush=True,
             )
 
@@ -299,19 +304,23 @@ def _print_bundle_result(manifest: Manifest, place: Path, *, as_json: bool) -> E
         return ExitCode.DONE
     for name, part in manifest.hosts.items():
         carry_bytes = sum(file.size for file in manifest.of(name).values())
-        sources = f", {len(part.libraries)} source repositories" if part.libraries else ""
+        sources = msg(f", {arg(len(part.libraries))} source repositories" if part.libraries else "")
         system = f"{part.distribution} {part.codename} {part.architecture}"
         print(
-            translate(f"{name}: {system}, {len(part.packages)} packages{sources}, up to {_mb(carry_bytes)} to transfer")
+            translate(
+                f"{arg(name)}: {arg(system)}, {arg(len(part.packages))} packages{arg(sources)}, up to "
+                f"{arg(_mb(carry_bytes))} to transfer"
+            )
         )
     if manifest.image is not None:
-        print(translate(f"image: {manifest.image.name}, SHA-256 {manifest.image.sha256}"))
+        print(translate(f"image: {arg(manifest.image.name)}, SHA-256 {arg(manifest.image.sha256)}"))
     print(
         translate(
-            f"{place}: bundle {manifest.id} of site {manifest.site}, {_mb(manifest.size)}, created {manifest.made}"
+            f"{arg(place)}: bundle {arg(manifest.id)} of site {arg(manifest.site)}, {arg(_mb(manifest.size))}, created "
+            f"{arg(manifest.made)}"
         )
     )
-    print(translate(f"signed by {manifest.key}"))
+    print(translate(f"signed by {arg(manifest.key)}"))
     return ExitCode.DONE
 
 

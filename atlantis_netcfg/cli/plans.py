@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.messages import arg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -67,8 +68,8 @@ def run_apply(arguments: syntax.Arguments) -> ExitCode:
     ) as site_session:
         if site_session.inventory.revision != plan["revision"]:
             raise UsageError(
-                f"the inventory has changed since the plan in {file} was saved; no device was contacted",
-                hint=f"make a new plan: `{again}`",
+                f"the inventory has changed since the plan in {arg(file)} was saved; no device was contacted",
+                hint=f"make a new plan: `{arg(again)}`",
             )
         site_session.offline = Path(plan["offline"]) if plan["offline"] else None
         report = site_session.change(
@@ -99,13 +100,15 @@ def _command(plan: Mapping[str, Any], file: Path) -> str:
 def refuse_place(file: Path) -> None:
     """Raise UsageError for an unusable output file, before a device is contacted."""
     if not file.parent.is_dir():
-        raise UsageError(f"`--save {file}`: no such folder: {file.parent}", hint="give a file in an existing folder")
+        raise UsageError(
+            f"`--save {arg(file)}`: no such folder: {arg(file.parent)}", hint="give a file in an existing folder"
+        )
     if file.exists() or file.is_symlink():
         try:
             _read(file)
         except UsageError as error:
             raise UsageError(
-                f"`--save {file}`: the file exists and is not a saved plan", hint="give another file"
+                f"`--save {arg(file)}`: the file exists and is not a saved plan", hint="give another file"
             ) from error
 
 
@@ -140,7 +143,9 @@ def save(session: CommandSession, report: RunReport, file: Path) -> str:
     try:
         write_atomically(file, json.dumps(document, ensure_ascii=False, indent=1).encode())
     except OSError as error:
-        raise UsageError(f"cannot write {file}: {error.strerror}", hint="give another file with `--save`") from error
+        raise UsageError(
+            f"cannot write {arg(file)}: {arg(error.strerror)}", hint="give another file with `--save`"
+        ) from error
     words = [word for word in carried_words(session.arguments) if word != "--rehearse"]
     return shlex.join(["provision", "plan", "apply", str(file), *words])
 
@@ -152,14 +157,14 @@ def _read(file: Path) -> Mapping[str, Any]:
     try:
         plan = json.loads(file.read_bytes())
     except OSError as error:
-        raise UsageError(f"cannot read {file}: {error.strerror}", hint=_HINT) from error
+        raise UsageError(f"cannot read {arg(file)}: {arg(error.strerror)}", hint=_HINT) from error
     except ValueError as error:
-        raise UsageError(f"{file} is not a saved plan", hint=_HINT) from error
+        raise UsageError(f"{arg(file)} is not a saved plan", hint=_HINT) from error
     if not isinstance(plan, dict) or set(plan) != _KEYS or plan["format"] != _FORMAT or not _is_whole(plan):
-        raise UsageError(f"{file} is not a plan of this version", hint=_HINT)
+        raise UsageError(f"{arg(file)} is not a plan of this version", hint=_HINT)
     if plan["sha256"] != _digest({key: plan[key] for key in plan if key != "sha256"}):
         raise UsageError(
-            f"{file} was changed since the plan was saved", hint=f"make a new plan: `{_command(plan, file)}`"
+            f"{arg(file)} was changed since the plan was saved", hint=f"make a new plan: `{arg(_command(plan, file))}`"
         )
     return plan
 

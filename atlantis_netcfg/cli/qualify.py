@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from decimal import Decimal
@@ -185,7 +186,7 @@ def _number(arguments: syntax.Arguments, name: str) -> Decimal | None:
     except InvalidOperation:
         number = Decimal(0)
     if not number.is_finite() or number <= 0:
-        raise UsageError(f"`--{name} {text}`: not a number above 0", hint=f"example: `--{name} 2.5`")
+        raise UsageError(f"`--{arg(name)} {arg(text)}`: not a number above 0", hint=f"example: `--{arg(name)} 2.5`")
     return number
 
 
@@ -287,13 +288,15 @@ def _pay(session: CommandSession, links: tuple[Link, ...], selection: Selection,
     previews = [_preview(session, link, selection, limits) for link in links]
     if not session.as_json:
         for each in previews:
-            print(translate(f"{each.words}, in about {max(1, round(each.bill.seconds / 60))} min"), flush=True)
+            print(
+                translate(f"{arg(each.words)}, in about {arg(max(1, round(each.bill.seconds / 60)))} min"), flush=True
+            )
         if _is_over_vpn(session.arguments):
             print(translate(_LED_ALONG), flush=True)
     dear = [each.words for each in previews if each.link.is_metered]
     if session.is_rehearsal:
         if dear and not session.as_json:
-            print(translate(f"a real measurement asks first: {'; '.join(dear)}"))
+            print(translate(f"a real measurement asks first: {arg(join('; ', dear))}"))
         return
     pay(dear, is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)
 
@@ -311,8 +314,8 @@ def _preview(session: CommandSession, site_link: Link, selection: Selection, lim
     plan = build_plan(site_link, selection, is_rehearsal=session.is_rehearsal, over_vpn=over_vpn, confirms=far.is_ours)
     if limits.max_price is not None and link.is_metered and (link.tariff is None or link.tariff.currency != "EUR"):
         raise UsageError(
-            f"`--max-eur`: the tariff of `{link.name}` in the inventory is not in EUR",
-            hint=f"set {link.tariff_key} in the inventory",
+            f"`--max-eur`: the tariff of `{arg(link.name)}` in the inventory is not in EUR",
+            hint=f"set {arg(link.tariff_key)} in the inventory",
         )
     nbytes = plan.bytes if limits.max_bytes is None else min(plan.bytes, limits.max_bytes)
     seconds = plan.seconds if limits.max_seconds is None else min(plan.seconds, limits.max_seconds)
@@ -320,6 +323,6 @@ def _preview(session: CommandSession, site_link: Link, selection: Selection, lim
     if result.over_cap and not session.is_rehearsal:
         cap = (link.cap_bytes or 0) / 1_000_000
         refusal = result.refusal()
-        refusal.hint = f"add `--max-mb {cap:g}`: results until then are kept; or raise {link.cap_key}"
+        refusal.hint = msg(f"add `--max-mb {arg(cap):g}`: results until then are kept; or raise {arg(link.cap_key)}")
         raise refusal
     return result

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
@@ -104,8 +105,10 @@ def run_qualify_compare(arguments: syntax.Arguments) -> ExitCode:
     site, runs, store = arguments.word("site"), arguments.many("run"), _store(arguments)
     if len(runs) != 2:  # noqa: PLR2004 - A and B
         more = " --rehearse" if store.is_rehearsal else ""
-        hint = f"give two measurements from `provision measure history site={site}{more}`, for example `run=A,B`"
-        raise UsageError(f"exactly two measurements are needed, not {len(runs)}", hint=hint)
+        hint = msg(
+            f"give two measurements from `provision measure history site={arg(site)}{arg(more)}`, for example `run=A,B`"
+        )
+        raise UsageError(f"exactly two measurements are needed, not {arg(len(runs))}", hint=hint)
     first, second = (record_of(find_run(store, site, run)) for run in runs)
     comparison = compare_runs(first, second)
     if arguments.flag("json"):
@@ -176,7 +179,7 @@ def _nothing(arguments: syntax.Arguments) -> Exception:
     links = sorted({item.run.link for item in stored_runs(Store(paths.state_dir(), is_rehearsal=is_rehearsal), site)})
     others = stored_runs(Store(paths.state_dir(), is_rehearsal=not is_rehearsal), site, link)
     if links:
-        hint = f"links with measurements: {', '.join(links)}"
+        hint = msg(f"links with measurements: {arg(join(', ', links))}")
     elif others:
         hint = (
             "real measurements exist: remove `--rehearse`"
@@ -184,6 +187,8 @@ def _nothing(arguments: syntax.Arguments) -> Exception:
             else "`--rehearse` shows rehearsed measurements"
         )
     else:
-        hint = f"`provision measure link site={site}` makes one"
-    over = "" if link is None else f" of link `{link}`"
-    return NoMatchError(f"`{site}` has no {'rehearsed' if is_rehearsal else 'real'} measurement{over}", hint=hint)
+        hint = msg(f"`provision measure link site={arg(site)}` makes one")
+    over = msg("" if link is None else f" of link `{arg(link)}`")
+    return NoMatchError(
+        f"`{arg(site)}` has no {'rehearsed' if is_rehearsal else 'real'} measurement{arg(over)}", hint=hint
+    )

@@ -9,6 +9,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -117,7 +118,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
 
     if more := _given_words(arguments, "files", "via", "order"):
         raise UsageError(
-            f"`--rehearse` runs the whole transfer: it does not accept {' or '.join(more)}", hint="remove it"
+            f"`--rehearse` runs the whole transfer: it does not accept {arg(' or '.join(more))}", hint="remove it"
         )
     site, candidates = arguments.word("site"), []
 
@@ -157,7 +158,8 @@ def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:
         return
     if more := _given_words(arguments, "files", "link"):
         raise UsageError(
-            f"`{order}` refers to a running transfer: it does not accept {' or '.join(more)}", hint="remove it"
+            f"`{arg(order)}` refers to a running transfer: it does not accept {arg(' or '.join(more))}",
+            hint="remove it",
         )
 
 
@@ -205,8 +207,8 @@ def _in_use(session: CommandSession) -> str:
         session.hosts = gateway
     if len(active) != 1:
         raise DeviceError(
-            f"the active link of {session.site} is unknown; nothing was sent",
-            hint=f"`provision links site={session.site}` shows details; or choose one: `link=NAME`",
+            f"the active link of {arg(session.site)} is unknown; nothing was sent",
+            hint=f"`provision links site={arg(session.site)}` shows details; or choose one: `link=NAME`",
         )
     return active[0]
 
@@ -251,7 +253,7 @@ def _watch(session: CommandSession, program: retrieve.RetrievalProgram) -> ExitC
                 _pause(period_s)
     except KeyboardInterrupt:
         raise OutcomeUnknown(
-            f"progress display ended; {name} continues to send",
+            f"progress display ended; {arg(name)} continues to send",
             hint=shown_by(program.host, program.source),
         ) from None
     return _print_status(session, program, status)

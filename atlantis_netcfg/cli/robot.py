@@ -8,6 +8,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -79,16 +80,16 @@ def _sources(arguments: syntax.Arguments, inventory: Inventory, names: KeyNames)
         raise UsageError("a file and `vehicle=` cannot be used together", hint="remove one of them")
     for name in files:
         if name in inventory.vehicles and not Path(name).exists():
-            raise UsageError(f"no such file: `{name}`", hint=f"run `provision robot validate vehicle={name}`")
+            raise UsageError(f"no such file: `{arg(name)}`", hint=f"run `provision robot validate vehicle={arg(name)}`")
     if vehicle is not None and vehicle not in inventory.vehicles:
-        raise UsageError(f"no such vehicle: `{vehicle}`", hint=suggest(vehicle, inventory.vehicles, none=""))
+        raise UsageError(f"no such vehicle: `{arg(vehicle)}`", hint=suggest(vehicle, inventory.vehicles, none=""))
     if files:
         return read_given(map(Path, files), inventory, names)
     sources = [each for each in read_declared(inventory, names) if vehicle in {None, each.vehicle}]
     if not sources:
         folder = shown_path(inventory.root / FOLDER)
         where = f"{folder}/{vehicle}.yml" if vehicle is not None else f"{folder}/<vehicle>.yml"
-        raise NoMatchError(f"{where} does not exist", hint="put the robot's file there (see docs/robots.md)")
+        raise NoMatchError(f"{arg(where)} does not exist", hint="put the robot's file there (see docs/robots.md)")
     return sources
 
 
@@ -100,8 +101,8 @@ def _print_sources(sources: Sequence[RobotSource]) -> None:
             print(line)
     if warnings := [finding for source in sources for finding in source.warnings]:
         print(translate(report(warnings, "in robot files", warnings=True)))
-    count = "1 robot file" if len(sources) == 1 else f"{len(sources)} robot files"
-    print(translate(f"{count}: no errors. What a robot actually publishes was not checked."))
+    count = msg("1 robot file" if len(sources) == 1 else f"{arg(len(sources))} robot files")
+    print(translate(f"{arg(count)}: no errors. What a robot actually publishes was not checked."))
 
 
 def _source_lines(source: RobotSource) -> Iterator[str]:
@@ -113,25 +114,27 @@ def _source_lines(source: RobotSource) -> Iterator[str]:
     robot = source.robot
     if robot is None:
         return
-    whose = f"vehicle {source.vehicle}" if source.vehicle else "no vehicle of this inventory"
-    yield translate(f"{shown_path(source.file)}: {robot.namespace}, {whose}")
+    whose = msg(f"vehicle {arg(source.vehicle)}" if source.vehicle else "no vehicle of this inventory")
+    yield translate(f"{arg(shown_path(source.file))}: {arg(robot.namespace)}, {arg(whose)}")
     topics = Counter(topic.kind.value for topic in robot.topics())
     commands = Counter(kind.value for kind, _, _ in robot.every_command())
     rows = (
         ("topics", topics.total(), _counts(topics)),
         ("commands", commands.total(), _counts(commands)),
-        ("videos", len(robot.video), ", ".join(stream.label for stream in robot.video)),
+        ("videos", len(robot.video), join(", ", (stream.label for stream in robot.video))),
     )
     for word, count, words in rows:
         yield f"  {count:>3} {translate(word):<9} {words}".rstrip()
     executor = robot.mission_executor.action
-    plans = (
-        f"planning by the action {robot.full_name(executor)}"
+    plans = msg(
+        f"planning by the action {arg(robot.full_name(executor))}"
         if executor
         else "planning by a function of its own program"
     )
-    yield translate(f"      {plans}")
-    yield translate(f"      before registration it sends its configuration at 1 Hz: {size(source.size * _DAY_S)} a day")
+    yield translate(f"      {arg(plans)}")
+    yield translate(
+        f"      before registration it sends its configuration at 1 Hz: {arg(size(source.size * _DAY_S))} a day"
+    )
 
 
 ADDRESS = syntax.Word("address", "this computer's address in the robot network, if not detected")
@@ -196,7 +199,7 @@ def run_robot_discover(arguments: syntax.Arguments) -> ExitCode:
             more["recording"] = record.as_dict()
         print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **more}))
     elif robot_file is not None:
-        print(translate(f"{robot_file} was written, with its token encrypted: review it before you keep it"))
+        print(translate(f"{arg(robot_file)} was written, with its token encrypted: review it before you keep it"))
     return code
 
 
@@ -218,7 +221,7 @@ def _tell_heard(observation: RobotObservation, reports: Sequence[RobotReport], n
         for line in _report_lines(report):
             print(line)
     count = len(observation.participants)
-    print(translate(f"participants of domain {number} received in {observation.seconds:.0f} s: {count}"))
+    print(translate(f"participants of domain {arg(number)} received in {arg(observation.seconds):.0f} s: {arg(count)}"))
     if observation.program == "rclpy":
         print(translate("received with ROS 2's own library, which was never tested here: docs/robots.md"))
     if not count:
@@ -232,11 +235,16 @@ def _tell_recording(record: BagRecorder | None) -> None:
     if record is None:
         return
     if record.messages:
-        print(translate(f"recorded in {shown_path(record.folder)}: {record.messages} messages, {size(record.octets)}"))
+        print(
+            translate(
+                f"recorded in {arg(shown_path(record.folder))}: {arg(record.messages)} messages, "
+                f"{arg(size(record.octets))}"
+            )
+        )
     elif not record.reason:
         print(translate("nothing was recorded: no message of a known type was received"))
     if record.reason:
-        print(translate(f"the recording ended early: {record.reason}"))
+        print(translate(f"the recording ended early: {arg(record.reason)}"))
 
 
 def _listen(
@@ -257,7 +265,7 @@ def _listen(
         raise UsageError("`address=` belongs to this computer, and `from=` names another", hint="remove one of them")
     if place not in inventory.hosts:
         computers = [host.name for host in inventory.hosts.values() if isinstance(host.device, ServerComputer)]
-        raise UsageError(f"`from={place}` is not a host of the inventory", hint=suggest(place, computers, none=""))
+        raise UsageError(f"`from={arg(place)}` is not a host of the inventory", hint=suggest(place, computers, none=""))
     host = inventory.hosts[place]
     device = remote.listening_computer(inventory, host)
     _pay(arguments, inventory, site, seconds, lambda: str(device.address))
@@ -277,9 +285,9 @@ def _pay(
     if cost is None:
         return
     place = f"`from={gateway.name}`" if gateway is not None else site
-    hint = f"run the same command with `--accept-cost`, or listen at the site: {place}"
+    hint = msg(f"run the same command with `--accept-cost`, or listen at the site: {arg(place)}")
     if cost.over_cap:
-        hint = f"listen at the site: {place}"
+        hint = msg(f"listen at the site: {arg(place)}")
     try:
         if cost.over_cap:
             raise cost.refusal()
@@ -289,7 +297,7 @@ def _pay(
 
 
 def _report_lines(report: RobotReport) -> Iterator[str]:
-    whose = f", vehicle {report.vehicle}" if report.vehicle else ""
+    whose = msg(f", vehicle {arg(report.vehicle)}" if report.vehicle else "")
     yield f"{report.verdict.value:<13}{report.namespace}: {translate(report.state.value)}{whose}"
     for writer in report.topics:
         rate = "?" if writer.rate_hz is None else f"{writer.rate_hz:.2f}"
@@ -373,7 +381,7 @@ def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
     for vehicle in arguments.many("vehicle"):
         if vehicle not in inventory.vehicles:
             hint = suggest(vehicle, inventory.vehicles, none="")
-            raise UsageError(f"no such vehicle: `{vehicle}`", hint=hint)
+            raise UsageError(f"no such vehicle: `{arg(vehicle)}`", hint=hint)
     span = arguments.optional("for")
     seconds = robots.seconds_of(span) if span else None
     place, bag = robots.mock_place(inventory, site, arguments.optional("address")), arguments.optional("bag")
@@ -386,8 +394,8 @@ def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
     def watch(mocks: Sequence[MockRobot]) -> None:
         if not robots_here:
             robots_here.extend(mocks)
-            names = ", ".join(each.robot.name for each in mocks)
-            print(translate(f"at {place.address}, in domain {robots.dds_of(inventory).domain}: {names}"))
+            names = join(", ", (each.robot.name for each in mocks))
+            print(translate(f"at {arg(place.address)}, in domain {arg(robots.dds_of(inventory).domain)}: {arg(names)}"))
             _tell_limits(mocks)
         _tell_goals(mocks)
 
@@ -398,14 +406,15 @@ def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
         counts = sum((action.counts for action in each.actions), Counter())
         print(
             translate(
-                f"  {each.robot.name}: "
-                f"{sum(each.message_counts.values())} messages on {len(each.message_counts)} topics"
+                f"  {arg(each.robot.name)}: "
+                f"{arg(sum(each.message_counts.values()))} messages on {arg(len(each.message_counts))} topics"
             )
         )
         accepted_count, refused_count, unreadable = (counts[word] for word in ("accepted", "refused", "unreadable"))
         print(
             translate(
-                f"  {each.robot.name}: goals accepted {accepted_count}, refused {refused_count}, invalid {unreadable}"
+                f"  {arg(each.robot.name)}: goals accepted {arg(accepted_count)}, refused {arg(refused_count)}, "
+                f"invalid {arg(unreadable)}"
             )
         )
     return ExitCode.DONE if robots_here else ExitCode.NOTHING
@@ -438,19 +447,19 @@ def _replay(
 
     def tell(contents: Bag, player: BagPlayer) -> None:
         players.append(player)
-        names = ", ".join(sorted({*contents.robots.values()} - {""})) or translate(
+        names = join(", ", sorted({*contents.robots.values()} - {""})) or translate(
             "the recording does not identify a robot"
         )
         number = robots.dds_of(inventory).domain
-        print(printable.line(translate(f"at {place.address}, in domain {number}: {names}")))
-        print(translate(f"{len(contents.topics)} topics, {contents.seconds:.0f} s; Ctrl-C stops it"))
+        print(printable.line(translate(f"at {arg(place.address)}, in domain {arg(number)}: {arg(names)}")))
+        print(translate(f"{arg(len(contents.topics))} topics, {arg(contents.seconds):.0f} s; Ctrl-C stops it"))
         for topic, kind in contents.left_out.items():
-            print(printable.line(translate(f"skipped: {topic}, unknown type {kind}")), flush=True)
+            print(printable.line(translate(f"skipped: {arg(topic)}, unknown type {arg(kind)}")), flush=True)
 
     with suppress(KeyboardInterrupt):
         robots.replay(inventory, bag, place, seconds, tell, loop=arguments.flag("loop"))
     for player in players:
-        print(translate(f"  {player.sent.total()} messages on {len(player.sent)} topics"))
+        print(translate(f"  {arg(player.sent.total())} messages on {arg(len(player.sent))} topics"))
     return ExitCode.DONE if players else ExitCode.NOTHING
 
 
@@ -469,7 +478,7 @@ def _require_site(inventory: Inventory, site: str) -> None:
 
 
 def _counts(counter: dict[str, int]) -> str:
-    return ", ".join(f"{word.replace('_', ' ')} {count}" for word, count in counter.items())
+    return join(", ", (f"{word.replace('_', ' ')} {count}" for word, count in counter.items()))
 
 
 def _findings_as_json(findings: Sequence[Finding]) -> list[dict[str, object]]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -54,7 +55,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
         width = width_of(sys.stdout) or printable.NARROW
         lines = [line for key, group in _groups(rows).items() for line in _command_lines(store, key, group)]
         if archived_count and not everything:
-            hint = f"{archived_count} older runs are archived: `provision report runs --all` lists them too"
+            hint = msg(f"{arg(archived_count)} older runs are archived: `provision report runs --all` lists them too")
             lines.append(translate(hint))
         printable.show(
             (row for line in lines for row in printable.wrap_row(line, width, _DETAIL_INDENT + 2)), sys.stdout
@@ -68,7 +69,9 @@ def sites_with_runs(store: Store, site: str | None) -> tuple[str, ...]:
     if site is None:
         return sites
     if site not in sites:
-        raise errors.NoMatchError(f"no runs of `{site}`", hint=f"sites with runs: {', '.join(sites) or 'no site'}")
+        raise errors.NoMatchError(
+            f"no runs of `{arg(site)}`", hint=f"sites with runs: {arg(join(', ', sites) or 'no site')}"
+        )
     return (site,)
 
 
@@ -136,17 +139,19 @@ def _command_lines(store: Store, invocation: str, rows: Sequence[dict[str, Any]]
 
     at = next((datetime.fromisoformat(row["at"]) for row in rows if row["at"]), None)
     time = f"{at.astimezone():%Y-%m-%d %H:%M}" if at is not None else " " * 16
-    yield f"{time}  {_verdict(store, invocation, rows)}  {rows[0]['invocations'][invocation]}"
+    yield msg(f"{arg(time)}  {arg(_verdict(store, invocation, rows))}  {arg(rows[0]['invocations'][invocation])}")
     notable_rows = [row for row in rows if not _is_quiet(row)] or rows[:1]
     for row in notable_rows:
         damage = f"  DAMAGED JOURNAL: {', '.join(row['damage'])}" if row["damage"] else ""
         purpose = f"{translate('emulated devices prepared:')} " if row["prepares"] else ""
-        devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
-        yield f"{'':<{_DETAIL_INDENT}}{row['run']}  {row['site']}  {purpose}{devices}{damage}"
+        devices = join(", ", (_device(name, outcome) for name, outcome in row["devices"].items()))
+        yield msg(
+            f"{'':<{_DETAIL_INDENT}}{arg(row['run'])}  {arg(row['site'])}  {arg(purpose)}{arg(devices)}{arg(damage)}"
+        )
         if row["unfinished"]:
-            yield f"{'':<{_DETAIL_INDENT}}" + translate(f"continue: `{row['next']}`")
+            yield f"{'':<{_DETAIL_INDENT}}" + translate(f"continue: `{arg(row['next'])}`")
     if quiet_count := len(rows) - len(notable_rows):
-        yield f"{'':<{_DETAIL_INDENT}}{translate(f'further runs without changes: {quiet_count}')}"
+        yield f"{'':<{_DETAIL_INDENT}}{translate(f'further runs without changes: {arg(quiet_count)}')}"
 
 
 def _verdict(store: Store, invocation: str, rows: Sequence[dict[str, Any]]) -> str:
@@ -159,7 +164,7 @@ def _verdict(store: Store, invocation: str, rows: Sequence[dict[str, Any]]) -> s
     if None in codes:
         return translate("no result recorded")
     code = min(codes, key=lambda code: _WORST_FIRST.index(code) if code in _WORST_FIRST else -1)
-    return translate(f"exit code {code}")
+    return translate(f"exit code {arg(code)}")
 
 
 def _is_quiet(row: dict[str, Any]) -> bool:

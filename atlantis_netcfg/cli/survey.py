@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -168,7 +169,7 @@ def _measure(session: CommandSession, plan: SurveyPlan) -> Path:
         reason = _by_clicks(survey) if session.arguments.flag("clicks") else survey.run()
         write(SurveyEnd(at=survey.clock.utc(), reason=reason))
     if isinstance(survey.positions, GpsdSource) and survey.positions.trouble and not session.as_json:
-        print(translate(f"{survey.positions.name}: {survey.positions.trouble}"), flush=True)
+        print(translate(f"{arg(survey.positions.name)}: {arg(survey.positions.trouble)}"), flush=True)
     return folder
 
 
@@ -208,10 +209,10 @@ def _confirm_cost(session: CommandSession, link: Link, plan: SurveyPlan) -> None
         return
     hours = 1.0 if plan.max_seconds is None else max(1.0, plan.max_seconds / 3600.0)
     cost_preview = preview(round(plan.hourly_bytes * hours), 3600.0 * hours, site_link, at_most=True)
-    words = f"{cost_preview.words}{': each hour, until you stop it' if plan.max_seconds is None else ''}"
+    words = msg(f"{arg(cost_preview.words)}{': each hour, until you stop it' if plan.max_seconds is None else ''}")
     if session.is_rehearsal:
         if not session.as_json:
-            print(translate(f"a real survey asks first: {words}"))
+            print(translate(f"a real survey asks first: {arg(words)}"))
         return
     if cost_preview.over_cap:
         raise cost_preview.refusal()
@@ -224,11 +225,13 @@ def _begin_words(session: CommandSession, survey: RunningSurvey) -> None:
         return
     link, plan = survey.link, survey.plan
     if survey.tester is None:
-        print(translate(f"Reading the unit of {link}; nothing is sent over the link"), flush=True)
+        print(translate(f"Reading the unit of {arg(link)}; nothing is sent over the link"), flush=True)
     else:
         pace = plan.test_every_s(survey.tester.transport.headers)
         most = plan.hourly_bytes / 1_000_000
-        print(translate(f"One test over {link} every {pace:.0f} s: up to {most:g} MB an hour"), flush=True)
+        print(
+            translate(f"One test over {arg(link)} every {arg(pace):.0f} s: up to {arg(most):g} MB an hour"), flush=True
+        )
     if not session.is_rehearsal and plan.max_seconds is None and not session.arguments.flag("clicks"):
         print(translate("Ctrl-C ends the survey and keeps all results"), flush=True)
 
@@ -258,12 +261,14 @@ def _line(point: SurveyPoint) -> str:
     """Format a point for the screen, translated."""
     where = translate(point.no_position)
     if point.position is not None:
-        where = f"{point.latitude:.5f}, {point.longitude:.5f}"
+        where = msg(f"{arg(point.latitude):.5f}, {arg(point.longitude):.5f}")
     levels = (("RSRP", point.rsrp_dbm), ("RSRQ", point.rsrq_db), ("SINR", point.sinr_db))
     radio = " ".join(f"{name} {value:g}" for name, value in levels if value is not None)
     test = translate(point.no_test)
     if point.rtt_median_s is not None and not test:
-        test = translate(f"{point.rtt_median_s * 1000:.0f} ms, {(point.goodput_up_bps or 0) / 1e6:.2f} Mbit/s up")
+        test = translate(
+            f"{arg(point.rtt_median_s * 1000):.0f} ms, {arg((point.goodput_up_bps or 0) / 1e6):.2f} Mbit/s up"
+        )
     return f"{point.number:>4}  {where}  {radio or translate(point.no_radio or 'no level')}  {test}"
 
 
@@ -298,11 +303,11 @@ def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_r
         print(json_text(document))
         return result.exit
     lines = [
-        f"Survey of {survey.header.link} of {survey.header.site}, {survey.header.id}",
+        msg(f"Survey of {arg(survey.header.link)} of {arg(survey.header.site)}, {arg(survey.header.id)}"),
         *(["emulated devices; no real device was contacted"] if is_rehearsal else []),
         *(f"  {line}" for line in summary(survey)),
         *([f"  {count_limits(len(beyond))}"] if beyond else []),
-        f"saved: {folder}",
+        msg(f"saved: {arg(folder)}"),
         result.words,
     ]
     for line in lines:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
@@ -83,11 +84,13 @@ def _for_s(arguments: syntax.Arguments) -> int | None:
 
     site, span = arguments.word("site"), arguments.optional("for")
     given_names = [name for name in ("link", "for") if arguments.optional(name) is not None]
-    whole = f"run `provision links use site={site} link=4g for=30m`, or `provision links use site={site} end`"
+    whole = msg(
+        f"run `provision links use site={arg(site)} link=4g for=30m`, or `provision links use site={arg(site)} end`"
+    )
     if arguments.optional("order") is None:
         if span is None or len(given_names) < 2:  # noqa: PLR2004 - both words
             missing = " and ".join(f"`{name}=`" for name in ("link", "for") if name not in given_names)
-            raise UsageError(f"{missing} {'are' if len(given_names) == 0 else 'is'} missing", hint=whole)
+            raise UsageError(f"{arg(missing)} {'are' if len(given_names) == 0 else 'is'} missing", hint=whole)
         return span_s(span)
     if given_names:
         raise UsageError("`end` ends any temporary use: it accepts neither a link nor a duration", hint=whole)
@@ -130,7 +133,7 @@ def _begin(session: CommandSession, use_request: UseRequest) -> RunReport:
         from atlantis_netcfg.core.times import time_text
 
         until = time_text(order.until, session.inventory.pilot.time_zone)
-        print(translate(f"{order.link} carries the traffic of {session.site} until {until}"), flush=True)
+        print(translate(f"{arg(order.link)} carries the traffic of {arg(session.site)} until {arg(until)}"), flush=True)
     return report
 
 
@@ -152,10 +155,10 @@ def _pay(session: CommandSession, use_request: UseRequest) -> None:
     link = link_of(session.inventory, session.site, use_request.link.name)
     if not link.is_metered or session.arguments.flag("plan"):
         return
-    words = f"{use_request.cost(link).words}: all traffic of the site within that time"
+    words = msg(f"{arg(use_request.cost(link).words)}: all traffic of the site within that time")
     if session.is_rehearsal:
         if not session.as_json:
-            print(translate(f"a real run asks first: {words}"))
+            print(translate(f"a real run asks first: {arg(words)}"))
         return
     pay([words], is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)
 
@@ -189,8 +192,8 @@ def _see(session: CommandSession, link: str, words: str) -> None:
 
     active = [status.name for status in read_links(session).links if status.active]
     if active != [link]:
-        raise NetcfgError(f"{link} does not carry the traffic of the emulated router: it uses {active}")
-    _tell(session, f"{link} carries the traffic: {words}")
+        raise NetcfgError(f"{arg(link)} does not carry the traffic of the emulated router: it uses {arg(active)}")
+    _tell(session, msg(f"{arg(link)} carries the traffic: {arg(words)}"))
 
 
 def _tell(session: CommandSession, words: str) -> None:

@@ -32,6 +32,7 @@ from atlantis_netcfg.computers.parts import (
 from atlantis_netcfg.computers.reflector import QUALIFY_SECRET, link_reflector, qualify_settings, reflector
 from atlantis_netcfg.computers.retrieval import packages as retrieval_packages
 from atlantis_netcfg.computers.retrieval import retrieval
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
@@ -259,7 +260,7 @@ def _streams(inventory: Inventory, host: str, lan: IPv4Network) -> Iterator[Open
         if stream is not None and stream.seen_from is model.SeenFrom.GATEWAY:
             wifi_networks = () if wifi is None or wifi.client is None else (wifi.client.network,)
             yield OpenPort(
-                f"remote control of {key}", model.Transport.UDP, stream.port, _collapse((lan, *wifi_networks))
+                msg(f"remote control of {arg(key)}"), model.Transport.UDP, stream.port, _collapse((lan, *wifi_networks))
             )
 
 
@@ -434,7 +435,7 @@ def _units(view: BaseView) -> Iterator[Unit]:
 
 
 def _admit_hint(view: BaseView) -> str:
-    return (
-        f"add the network of your computer to `site.management.admit` in group_vars/{view.site}.yml, "
-        f"or work from the LAN of the site ({view.lan})"
+    return msg(
+        f"add the network of your computer to `site.management.admit` in group_vars/{arg(view.site)}.yml, "
+        f"or work from the LAN of the site ({arg(view.lan)})"
     )

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers import parts
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
@@ -91,14 +92,17 @@ class PodmanContainer:
     def step(self) -> parts.ConvergeStep:
         """Return the step that loads the image, if the archive is present."""
         run = ("sh", "-c", f'"$1" load || [ $? -eq {_MISSING} ]', "sh", self.script)
-        return parts.ConvergeStep(f"load the image of {self.service}", run, (self.script,))
+        return parts.ConvergeStep(msg(f"load the image of {arg(self.service)}"), run, (self.script,))
 
     def check(self) -> parts.Check:
         """Return the check that the container runs the image of the inventory."""
         return parts.Check(
             (self.script, "image"),
-            f"the service `{self.service}` does not run from the image of the inventory",
-            f"its archive {self.archive} must be on the computer as {IMAGES}/{self.sha256}.tar, or in the bundle",
+            msg(f"the service `{arg(self.service)}` does not run from the image of the inventory"),
+            msg(
+                f"its archive {arg(self.archive)} must be on the computer as {arg(IMAGES)}/{arg(self.sha256)}.tar, or "
+                "in the bundle"
+            ),
         )
 
 
@@ -107,6 +111,6 @@ def folder_budget_check(service: str, folder: str, budget_mb: int) -> parts.Chec
     look = f'[ ! -d "$1" ] || [ "$(du -s -B {_MB} "$1" | cut -f 1)" -le "$2" ]'
     return parts.Check(
         ("sh", "-c", look, "sh", folder, str(budget_mb)),
-        f"the service `{service}` uses more than {budget_mb} MB in {folder}",
-        f"on the computer: `du -sh {folder}`; remove what is not needed, or set another `budget_mb`",
+        msg(f"the service `{arg(service)}` uses more than {arg(budget_mb)} MB in {arg(folder)}"),
+        msg(f"on the computer: `du -sh {arg(folder)}`; remove what is not needed, or set another `budget_mb`"),
     )

@@ -23,6 +23,7 @@ from atlantis_netcfg.computers.interop import SERVICE
 from atlantis_netcfg.computers.recording import SERVICE as RECORDING
 from atlantis_netcfg.computers.ros1_bridge import SERVICE as BRIDGE_OF_PACKAGES
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import standing_traffic
 from atlantis_netcfg.routeros import render
@@ -226,10 +227,12 @@ def profile_views(inventory: Inventory, host: Host, release: str | None = None) 
     """
     dds = _require_dds(inventory)
     if not isinstance(host.device, model.ServerComputer):
-        there = ", ".join(
-            item.name for item in inventory.hosts.values() if isinstance(item.device, model.ServerComputer)
+        there = join(
+            ", ", (item.name for item in inventory.hosts.values() if isinstance(item.device, model.ServerComputer))
         )
-        raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
+        raise UsageError(
+            f"`{arg(host.name)}` is a {arg(host.device.kind)}: it does not use DDS", hint=f"hosts that do: {arg(there)}"
+        )
     dds_release = _release(release or dds.distribution)
     all_of_them = _participants(inventory, dds)
     local = next(entry for entry in all_of_them if entry.name == host.name)
@@ -312,7 +315,7 @@ def _require_dds(inventory: Inventory) -> model.Dds:
 
 def _release(name: str) -> DdsRelease:
     if name not in RELEASES:
-        raise UsageError(f"`{name}` is not a known release", hint=f"known releases: {', '.join(RELEASES)}")
+        raise UsageError(f"`{arg(name)}` is not a known release", hint=f"known releases: {arg(join(', ', RELEASES))}")
     return RELEASES[name]
 
 

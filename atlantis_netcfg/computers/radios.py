@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers import parts
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import channels, model
 from atlantis_netcfg.routeros.render import environment
 
@@ -250,7 +251,7 @@ class GatewayRadios:
         )
         start = (
             parts.ConvergeStep(
-                f"start {name} if it is plugged in", ("sh", "-c", _START, "sh", unit, name), (file, read)
+                msg(f"start {arg(name)} if it is plugged in"), ("sh", "-c", _START, "sh", unit, name), (file, read)
             )
             for name, unit, file, read in self._running
         )
@@ -279,16 +280,18 @@ class GatewayRadios:
         return tuple(parts.UserSuppliedFile(f"/sys/class/net/{name}", note) for name, note in notes.items())
 
     def _missing_join_text(self, radio: JoiningRadio) -> str:
-        name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
+        name, vehicles = radio.interface, join(", ", (item.vehicle for item in radio.access_points))
         if self.is_rehearsal:
-            return f"not rehearsed: {name} joins the access point of {vehicles}; this machine has no radio"
-        return f"radio {name}, which joins the access point of {vehicles}, is missing: plug it in"
+            return msg(
+                f"not rehearsed: {arg(name)} joins the access point of {arg(vehicles)}; this machine has no radio"
+            )
+        return msg(f"radio {arg(name)}, which joins the access point of {arg(vehicles)}, is missing: plug it in")
 
     def _missing_network_text(self, access_point: OpenedNetwork) -> str:
         name, ssid = access_point.interface, access_point.radio.ssid
         if self.is_rehearsal:
-            return f"not rehearsed: {name} opens the network {ssid}; this machine has no radio"
-        return f"radio {name}, which opens the network {ssid}, is missing: plug it in"
+            return msg(f"not rehearsed: {arg(name)} opens the network {arg(ssid)}; this machine has no radio")
+        return msg(f"radio {arg(name)}, which opens the network {arg(ssid)}, is missing: plug it in")
 
     @property
     def checks(self) -> tuple[parts.Check, ...]:
@@ -299,7 +302,7 @@ class GatewayRadios:
         hint = (
             "on the computer: `nmcli device set NAME managed no`, and the same in a file of /etc/NetworkManager/conf.d"
         )
-        finding = f"NetworkManager also manages a radio of {', '.join(names)}, and may take it over"
+        finding = msg(f"NetworkManager also manages a radio of {arg(join(', ', names))}, and may take it over")
         return (parts.Check(("sh", "-c", _ALONE, "sh", *names), finding, hint),)
 
     @property

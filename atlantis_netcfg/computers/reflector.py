@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers import parts
 from atlantis_netcfg.computers.services import HOLDS_PORT
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
@@ -100,7 +101,7 @@ def link_reflector(host: str, pilot: model.Pilot) -> parts.Configuration:
             parts.Check(
                 ("sh", "-c", f"cd {QUALIFY_FOLDER} && exec {_START} --help >/dev/null"),
                 "the program that responds to link measurements does not start",
-                f"on the computer: `cd {QUALIFY_FOLDER} && {_START} --help` shows why",
+                msg(f"on the computer: `cd {arg(QUALIFY_FOLDER)} && {arg(_START)} --help` shows why"),
             ),
         ),
     )
@@ -119,6 +120,6 @@ def stop_step(words: str, service: str) -> parts.ConvergeStep:
 def _port_check(service: str, port: int, finding: str) -> parts.Check:
     return parts.Check(
         ("sh", "-c", HOLDS_PORT, "sh", service, "u", str(port)),
-        f"{finding} at UDP port {port}",
-        f"on the computer: `systemctl status {service}` and `journalctl -eu {service}` show why",
+        msg(f"{arg(finding)} at UDP port {arg(port)}"),
+        msg(f"on the computer: `systemctl status {arg(service)}` and `journalctl -eu {arg(service)}` show why"),
     )

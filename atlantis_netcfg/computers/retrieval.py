@@ -18,6 +18,7 @@ import json
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers import parts
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
@@ -187,5 +188,5 @@ def _key_check(host: Host) -> parts.Check:
     return parts.Check(
         ("grep", "-qF", f" {key}", f"{_key_file(device)}.pub"),
         "the SSH host key of this computer differs from the inventory, so recordings cannot be retrieved",
-        f"copy its {_key_file(device)}.pub to `ssh.host_key` in host_vars/{host.name}.yml",
+        msg(f"copy its {arg(_key_file(device))}.pub to `ssh.host_key` in host_vars/{arg(host.name)}.yml"),
     )

@@ -28,6 +28,7 @@ from atlantis_netcfg.computers.recording import recording
 from atlantis_netcfg.computers.ros1_bridge import packages as bridge
 from atlantis_netcfg.computers.ros1_bridge import ros1_bridge
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
@@ -64,19 +65,22 @@ def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: da
         packets = openpgp.binary(content)
     except openpgp.NotAKey as why:
         raise UsageError(
-            f"{FOLDER}/{name} of the inventory is not a public key: {why}", hint=_fetch_hint(archive)
+            f"{arg(FOLDER)}/{arg(name)} of the inventory is not a public key: {arg(why)}", hint=_fetch_hint(archive)
         ) from None
     if len(keys) != 1:
         raise UsageError(
-            f"{FOLDER}/{name} of the inventory contains {len(keys)} keys, but an archive is signed by one",
-            hint=f"gpg --export --armor {archive.fingerprint} > {path}",
+            f"{arg(FOLDER)}/{arg(name)} of the inventory contains {arg(len(keys))} keys, but an archive is signed by "
+            "one",
+            hint=f"gpg --export --armor {arg(archive.fingerprint)} > {arg(path)}",
         )
     key = keys[0]
     if key_file is None and key.fingerprint != archive.fingerprint:
         raise UsageError(
-            f"{FOLDER}/{name} of the inventory is a different key: {key.fingerprint}, not {archive.fingerprint}",
+            f"{arg(FOLDER)}/{arg(name)} of the inventory is a different key: {arg(key.fingerprint)}, not "
+            f"{arg(archive.fingerprint)}",
             hint=(
-                f"{_fetch_hint(archive)}; if the archive has a new key, ask its maintainer, and set it as `key_file`"
+                f"{arg(_fetch_hint(archive))}; if the archive has a new key, ask its maintainer, and set it as "
+                "`key_file`"
             ),
         )
     if key.expires is None:
@@ -84,10 +88,11 @@ def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: da
     expires = datetime.fromtimestamp(key.expires, UTC)
     if now >= expires:
         raise UsageError(
-            f"the key of the ROS 2 archive expired on {expires:%Y-%m-%d}: {FOLDER}/{name} of the inventory",
-            hint=f"{_fetch_hint(archive)}; the same key is renewed now and then, with a later expiry date",
+            f"the key of the ROS 2 archive expired on {arg(expires):%Y-%m-%d}: {arg(FOLDER)}/{arg(name)} of the "
+            "inventory",
+            hint=f"{arg(_fetch_hint(archive))}; the same key is renewed now and then, with a later expiry date",
         )
-    text = f"the key of the ROS 2 archive expires on {expires:%Y-%m-%d}: download the renewed one before"
+    text = msg(f"the key of the ROS 2 archive expires on {arg(expires):%Y-%m-%d}: download the renewed one before")
     return ArchiveKey(packets, key.fingerprint, text if now >= expires - _WARN else None)
 
 
@@ -95,17 +100,17 @@ def _read(path: Path, archive: Archive) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        why = "is missing" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
+        why = msg("is missing" if isinstance(error, FileNotFoundError) else f"cannot be read: {arg(error.strerror)}")
         raise UsageError(
-            f"the key that signs the ROS 2 archive {why}: {FOLDER}/{path.name} of the inventory",
+            f"the key that signs the ROS 2 archive {arg(why)}: {arg(FOLDER)}/{arg(path.name)} of the inventory",
             hint=_fetch_hint(archive),
         ) from error
 
 
 def _fetch_hint(archive: Archive) -> str:
-    return (
-        f"download it where there is internet: curl -fsSL '{archive.key_url}' -o "
-        f"inventory/{FOLDER}/{archive.key_file}; its fingerprint must be {archive.fingerprint}"
+    return msg(
+        f"download it where there is internet: curl -fsSL '{arg(archive.key_url)}' -o "
+        f"inventory/{arg(FOLDER)}/{arg(archive.key_file)}; its fingerprint must be {arg(archive.fingerprint)}"
     )
 
 
@@ -266,7 +271,7 @@ def gateway_ros2(
         )
     else:
         key, url, codename, system = stand_in.key, stand_in.url, stand_in.codename, stand_in.distribution
-        notes = (*notes, f"{host.name}: stand-ins replace the packages of ROS 2")
+        notes = (*notes, msg(f"{arg(host.name)}: stand-ins replace the packages of ROS 2"))
     recording_config = host.device.recording if isinstance(host.device, model.Gateway) else None
     has_bridge_package = host.device.ros1_bridge is not None and host.device.ros1_bridge.archive is None
     more = (
@@ -306,10 +311,10 @@ def _archive(release: RosRelease, ros2: model.Ros2) -> Archive:
         archive = next(match for row in RELEASES.values() if (match := row.archives.get(ros2.origin)) is not None)
     if archive is None:
         raise UsageError(
-            f"there is no final snapshot of {release.name} yet: its support has not ended",
+            f"there is no final snapshot of {arg(release.name)} yet: its support has not ended",
             hint=(
                 "set `origin: live`; or a dated snapshot as `mirror`: "
-                f"http://snapshots.ros.org/{release.name}/2026-01-31/ubuntu, with a date that exists there"
+                f"http://snapshots.ros.org/{arg(release.name)}/2026-01-31/ubuntu, with a date that exists there"
             ),
         )
     return archive
@@ -318,7 +323,7 @@ def _archive(release: RosRelease, ros2: model.Ros2) -> Archive:
 def _end_of_life_note(release: RosRelease, today: datetime) -> str | None:
     if today.date() <= release.ends:
         return None
-    return f"ROS 2 {release.name} has been without security updates since {release.ends:%Y-%m-%d}"
+    return msg(f"ROS 2 {arg(release.name)} has been without security updates since {arg(release.ends):%Y-%m-%d}")
 
 
 def _packages(release: RosRelease, ros2: model.Ros2, dds: model.Dds, more: tuple[str, ...]) -> Iterator[parts.Package]:

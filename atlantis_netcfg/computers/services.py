@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers import containers, parts
 from atlantis_netcfg.computers.containers import PodmanContainer
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
@@ -140,7 +141,7 @@ def vpn_bound_check(finding: str, service: str) -> parts.Check:
 
 
 def _log_hint(unit: str) -> str:
-    return f"on the computer: `systemctl status {unit}` and `journalctl -eu {unit}` show why"
+    return msg(f"on the computer: `systemctl status {arg(unit)}` and `journalctl -eu {arg(unit)}` show why")
 
 
 def services(computer: model.ServerComputer, images: Mapping[str, str] | None = None) -> parts.Configuration:
@@ -233,7 +234,7 @@ def _build_service(service: model.HostedService) -> StartedService | None:
         command = runtime.command
     return StartedService(
         name=f"{_unit_stem(service.name)}.service",
-        title=f"service {service.name}",
+        title=msg(f"service {arg(service.name)}"),
         user=user,
         folder=folder,
         command=command,
@@ -294,7 +295,7 @@ def _bridge(config: model.Ros1Bridge, archive: str) -> StartedService:
         archive=archive,
         sha256=(config.sha256 or "").lower(),
         user=user,
-        arguments=_DECLARED_TOPICS.format(topics=topics) if config.topics else _ALL_TOPICS,
+        arguments=msg(_DECLARED_TOPICS.format(topics=arg(topics))) if config.topics else _ALL_TOPICS,
         volumes=(f"{PROFILES}:{PROFILES}:ro", *((f"{topics}:{topics}:ro",) if config.topics else ())),
         variables=(("ROS_MASTER_URI", config.master_uri), ("HOME", _SCRATCH), ("ROS_LOG_DIR", f"{_SCRATCH}/log")),
         env_files=(ENVIRONMENT,),
@@ -334,8 +335,8 @@ def _build_unit(service: StartedService) -> parts.Unit:
 
 
 def _missing_program_text(service: model.HostedService, program: model.ServiceProgram) -> str:
-    return (
-        f"{program.path} of the service `{service.name}` is missing: the service starts once its partner has "
+    return msg(
+        f"{arg(program.path)} of the service `{arg(service.name)}` is missing: the service starts once its partner has "
         "supplied it"
     )
 
@@ -343,13 +344,16 @@ def _missing_program_text(service: model.HostedService, program: model.ServicePr
 def _checks(service: model.HostedService) -> Iterator[parts.Check]:
     unit = f"{_unit_stem(service.name)}.service"
     if service.port is None:
-        finding = f"the service `{service.name}` does not keep running"
+        finding = msg(f"the service `{arg(service.name)}` does not keep running")
         yield parts.Check(("sh", "-c", _RUNS, "sh", unit), finding, _log_hint(unit))
     else:
         kind = "t" if service.transport.value == "tcp" else "u"
         yield parts.Check(
             ("sh", "-c", HOLDS_PORT, "sh", unit, kind, str(service.port)),
-            f"the service `{service.name}` does not listen on {service.transport} port {service.port}",
+            msg(
+                f"the service `{arg(service.name)}` does not listen on {arg(service.transport)} port "
+                f"{arg(service.port)}"
+            ),
             _log_hint(unit),
         )
     if service.container is not None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core import messages
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -59,6 +61,7 @@ def fill_hint(text: str, *, site: str, device: str = "") -> str:
 
     For hints of code that does not know them (pure checks, programs on a gateway); called by the first code that does.
     """
+    text = messages.msg(text)
     for word, value in (("site", site), ("device", device)):
         if value:
             text = text.replace(f"{word}=…", f"{word}={value}")
@@ -66,13 +69,13 @@ def fill_hint(text: str, *, site: str, device: str = "") -> str:
 
 
 class NetcfgError(Exception):
-    """Root of all errors shown to a user: `str()` is the problem, `hint` what to type next."""
+    """Root of all errors shown to a user: `str()` is the problem, `hint` what to type next, both `Message`."""
 
     exit: ExitCode = ExitCode.OUR_FAULT
 
     def __init__(self, message: str, *, hint: str | None = None) -> None:
-        super().__init__(message)
-        self.hint = hint
+        super().__init__(messages.msg(message))
+        self.hint = hint and messages.msg(hint)
 
 
 class UsageError(NetcfgError):

@@ -2,8 +2,8 @@
 
 Messages are made, stored and sent in English: JSON, journals, signed checklists and logs have nothing else, and neither
 exit codes nor program input depend on this module. They are translated when shown to a person, by `translate`, which
-knows whole messages and messages with values in them (`{count} changes`). No native speaker has read the Portuguese
-texts yet; docs/pt/glossario.md has their terms.
+looks up the text around the values of messages (`core.messages`). No native speaker has read the Portuguese texts yet;
+docs/pt/glossario.md has their terms.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core import messages
 from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.core.catalogue import Catalogue
+    from atlantis_netcfg.core.translation import Translator
 
 
 class Language(StrEnum):
@@ -93,21 +94,27 @@ def catalogue_file(language: Language) -> Path:
 
 
 @cache
-def _catalogue(language: Language) -> Catalogue:
+def _translator(language: Language) -> Translator:
     from atlantis_netcfg.core.catalogue import Catalogue, read  # noqa: PLC0415 - English needs none
+    from atlantis_netcfg.core.translation import Translator  # noqa: PLC0415 - as above
 
-    return Catalogue(read(catalogue_file(language)), _CONTRACTIONS[language])
+    catalogue, contractions = read(catalogue_file(language)), _CONTRACTIONS[language]
+    recogniser = cache(lambda: Catalogue(catalogue, contractions))  # for finished texts of code without marks
+    return Translator(catalogue, contractions, lambda text: recogniser().translate(text))
 
 
 def translate(text: str) -> str:
-    """Translate a message; parts missing in the catalogue stay in English.
+    """Translate a message, or an f-string with values in `arg(…)`; what is missing in the catalogue stays in English.
 
-    The text may be several messages, one a line, or joined by `; ` or `: `. Values in them stay unchanged, and commands
-    are shown as they are typed here.
+    Plain text may be several messages without values, one a line. Commands are shown as they are typed here.
     """
-    return as_typed(text if _current_language is Language.ENGLISH else _catalogue(_current_language).translate(text))
+    message = messages.msg(text)
+    return as_typed(
+        message if _current_language is Language.ENGLISH else _translator(_current_language).translate(message)
+    )
 
 
 def as_typed(text: str) -> str:
     """Return a text whose commands begin as the user has called this program: `./provision` in a checkout."""
+    text = str.__str__(text)
     return text if _PROGRAM == "provision" else _COMMAND.sub(rf"\1{_PROGRAM} ", text)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.messages import arg, msg
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
@@ -15,7 +17,7 @@ def lazy_getattr(package: str, names: Mapping[str, tuple[str, ...]]) -> Callable
 
     def find(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for
         if name not in home:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            raise AttributeError(msg(f"module {arg(package)!r} has no attribute {arg(name)!r}"))
         return getattr(import_module(home[name]), name)
 
     return find

@@ -9,6 +9,8 @@ import re
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
@@ -45,7 +47,11 @@ def drift(pins: Mapping[str, str], version_of: Callable[[str], str | None] = ins
     """Describe each package that differs from its pin."""
     versions = {name: version_of(name) for name in pins}
     return [
-        f"{name} is missing" if versions[name] is None else f"{name} is {versions[name]}, but {version} is required"
+        msg(
+            f"{arg(name)} is missing"
+            if versions[name] is None
+            else f"{arg(name)} is {arg(versions[name])}, but {arg(version)} is required"
+        )
         for name, version in pins.items()
         if versions[name] != version
     ]
@@ -62,5 +68,5 @@ def drift_of(checkout: Path) -> list[str]:
 
 def summarise(wrong: list[str], most: int = 3) -> str:
     """Join the first few entries, and count the rest."""
-    more = f"; and {len(wrong) - most} more" if len(wrong) > most else ""
+    more = msg(f"; and {arg(len(wrong) - most)} more" if len(wrong) > most else "")
     return f"{'; '.join(wrong[:most])}{more}"

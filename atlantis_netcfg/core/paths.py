@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -98,7 +99,9 @@ def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
     try:
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"cannot store the cache: {place.parent}: {error.strerror}", hint=_CACHE_HINT) from error
+        raise UsageError(
+            f"cannot store the cache: {arg(place.parent)}: {arg(error.strerror)}", hint=_CACHE_HINT
+        ) from error
     return place
 
 
@@ -142,9 +145,9 @@ def private_directory(path: Path) -> Path:
         if path.stat().st_mode & 0o077:
             path.chmod(0o700)
     except OSError as error:
-        raise UsageError(f"cannot store the journal: {path}: {error.strerror}", hint=_HINT) from error
+        raise UsageError(f"cannot store the journal: {arg(path)}: {arg(error.strerror)}", hint=_HINT) from error
     if not os.access(path, os.W_OK | os.X_OK):
-        raise UsageError(f"cannot store the journal: {path} is not writable by {_user()}", hint=_HINT)
+        raise UsageError(f"cannot store the journal: {arg(path)} is not writable by {arg(_user())}", hint=_HINT)
     return path
 
 
@@ -163,7 +166,7 @@ def require_own(folder: Path, hint: str) -> None:
     for owner, allowed_owners in ((folder.lstat().st_uid, (me, 0)), (folder.stat().st_uid, (me,))):
         if owner not in allowed_owners:
             raise UsageError(
-                f"{folder} belongs to {_name(owner)}, who could change its contents, not to {_user()}",
+                f"{arg(folder)} belongs to {arg(_name(owner))}, who could change its contents, not to {arg(_user())}",
                 hint=hint,
             )
 
@@ -181,8 +184,8 @@ def _state_path(environ: Mapping[str, str]) -> Path:
 def _home(environ: Mapping[str, str], what: str, hint: str) -> Path:
     home = environ.get("HOME") or _home_on_record()
     if not home or not Path(home).is_dir():
-        missing = f"the home directory {home} does not exist" if home else "no home directory found"
-        raise UsageError(f"cannot store {what}: {missing}", hint=hint)
+        missing = msg(f"the home directory {arg(home)} does not exist" if home else "no home directory found")
+        raise UsageError(f"cannot store {arg(what)}: {arg(missing)}", hint=hint)
     return Path(home)
 
 
@@ -201,4 +204,4 @@ def _name(user: int) -> str:
     try:
         return pwd.getpwuid(user).pw_name
     except KeyError:
-        return f"user {user}"
+        return msg(f"user {arg(user)}")

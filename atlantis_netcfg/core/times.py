@@ -5,6 +5,8 @@ from __future__ import annotations
 from datetime import UTC, datetime, tzinfo
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+from atlantis_netcfg.core.messages import arg, msg
+
 _DATE, _MINUTE = "%Y-%m-%d", "%H:%M"
 
 
@@ -15,7 +17,7 @@ def time_text(at: datetime, zone: str = "") -> str:
     time without time zone is marked as such.
     """
     if at.tzinfo is None:
-        return f"{at:{_DATE} {_MINUTE}} (time zone unknown)"
+        return msg(f"{arg(at):{_DATE} {_MINUTE}} (time zone unknown)")
     utc = at.astimezone(UTC)
     local = at.astimezone(_zone(zone))
     name = local.tzname() or zone

@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Self
 
+from atlantis_netcfg.core.messages import arg, msg
+
 
 @dataclass(frozen=True, order=True, slots=True)
 class Version:
@@ -22,7 +24,7 @@ class Version:
         """Parse `7.18.2 (stable)` as printed by `/system/resource`. Raises ValueError on anything else."""
         match = re.fullmatch(r"(\d+)\.(\d+)(?:\.(\d+))?(?:(beta|rc)(\d+))?(?: \(.+\))?", text.strip())
         if match is None:
-            raise ValueError(f"not a RouterOS version: {text!r}")
+            raise ValueError(msg(f"not a RouterOS version: {arg(text)!r}"))
         major, minor, patch, stage, build = match.groups()
         return cls(int(major), int(minor), int(patch or 0), {"beta": 0, "rc": 1}.get(stage, 2), int(build or 0))
 

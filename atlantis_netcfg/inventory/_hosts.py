@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.findings import Finding, Mark, suggest, why_no_name
 
 if TYPE_CHECKING:
@@ -71,17 +72,21 @@ def _block(
     if node is None or node.value is None:
         return {}
     if isinstance(node.value, list):
-        layout.add_finding(node.mark, f"`{name}` needs a block of keys", "write one `name:` per line, without `- `")
+        layout.add_finding(
+            node.mark, msg(f"`{arg(name)}` needs a block of keys"), "write one `name:` per line, without `- `"
+        )
         return {item.text: item for item in node.value if item.text} if allowed_keys is None else {}
     if not isinstance(node.value, dict):
-        layout.add_finding(node.mark, f"`{name}` needs a block of keys", "write `name:` below it, indented")
+        layout.add_finding(node.mark, msg(f"`{arg(name)}` needs a block of keys"), "write `name:` below it, indented")
         return {}
     if allowed_keys is None:
         return node.value
     block = {key: value for key, value in node.value.items() if key in allowed_keys}
     for key, value in node.value.items():
         if key not in allowed_keys:
-            layout.add_finding(value.place, f"unknown key `{key}` in `{name}`", suggest(key, allowed_keys, none=""))
+            layout.add_finding(
+                value.place, msg(f"unknown key `{arg(key)}` in `{arg(name)}`"), suggest(key, allowed_keys, none="")
+            )
             block.setdefault(nearest(key, allowed_keys) or key, value)
     return block
 
@@ -92,7 +97,7 @@ def _add_site(layout: HostLayout, site: str, node: Node) -> None:
     _check_vars(layout, block.get("vars"))
     for host, value in _block(layout, block.get("hosts"), f"{site}.hosts").items():
         if host in layout.hosts:
-            message = f"`{host}` is below two sites, `{layout.hosts[host]}` and `{site}`"
+            message = msg(f"`{arg(host)}` is below two sites, `{arg(layout.hosts[host])}` and `{arg(site)}`")
             layout.add_finding(value.place, message, "a device is at one site: remove one of the two lines")
             continue
         layout.hosts[host] = site
@@ -106,11 +111,13 @@ def _add_kind(layout: HostLayout, group: str, kind: str, node: Node | None) -> N
     for host, value in _block(layout, block.get("hosts"), f"{group}.hosts").items():
         _check_host(layout, host, value)
         if host not in layout.hosts:
-            message = f"`{host}` is in group `{group}` but at no site"
+            message = msg(f"`{arg(host)}` is in group `{arg(group)}` but at no site")
             layout.add_finding(value.place, message, suggest(host, layout.hosts, none="add it below its site"))
             layout.misspelt[nearest(host, layout.hosts) or host] = kind
         elif host in layout.kinds:
-            layout.add_finding(value.place, f"`{host}` has two kinds of device", "remove one of the two lines")
+            layout.add_finding(
+                value.place, msg(f"`{arg(host)}` has two kinds of device"), "remove one of the two lines"
+            )
         else:
             layout.kinds[host] = kind
             layout.kind_marks[host] = value.place
@@ -121,7 +128,7 @@ def _check_vars(layout: HostLayout, node: Node | None, name: str = "vars") -> No
     for key, value in _block(layout, node, name).items():
         if not key.startswith("ansible_"):
             hint = "move it to group_vars/ or host_vars/"
-            layout.add_finding(value.place, f"`{key}` does not belong in hosts.yml", hint)
+            layout.add_finding(value.place, msg(f"`{arg(key)}` does not belong in hosts.yml"), hint)
 
 
 def _check_host(layout: HostLayout, host: str, node: Node) -> None:
@@ -136,9 +143,9 @@ def _check_names(layout: HostLayout) -> None:
     for site, mark in layout.sites.items():
         if site in _RESERVED_NAMES:
             layout.add_finding(
-                mark, f"a site cannot be named `{site}`: this is a group of its own", "choose another name"
+                mark, msg(f"a site cannot be named `{arg(site)}`: this is a group of its own"), "choose another name"
             )
     for host, mark in layout.marks.items():
         if host in layout.sites or host in _RESERVED_NAMES:
-            message = f"`{host}` is the name of both a host and a group"
-            layout.add_finding(mark, message, f"rename the host, for example `{host}-router`")
+            message = msg(f"`{arg(host)}` is the name of both a host and a group")
+            layout.add_finding(mark, message, msg(f"rename the host, for example `{arg(host)}-router`"))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_
 
 from pydantic import BaseModel
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.model import Device
@@ -83,10 +84,13 @@ def expected_type(annotation: Any) -> str:  # noqa: ANN401 - as above
     """Describe what to write for a field."""
     plain = unwrap(annotation)
     if words := choices_of(plain):
-        return "one of " + ", ".join(map(str, words))
+        return msg("one of " + str(arg(join(", ", map(str, words)))))
     if (model := model_of(plain)) is not None:
         required_names = [name for name, field in model.model_fields.items() if field.is_required()]
-        return "a block with " + (", ".join(required_names) or f"any of {', '.join(model.model_fields)}")
+        return msg(
+            "a block with "
+            + str(arg(join(", ", required_names) or msg(f"any of {arg(join(', ', model.model_fields))}")))
+        )
     if get_origin(plain) is dict:
         return "a block of keys"
     if (item := item_of(plain)) is not None:
@@ -140,7 +144,7 @@ def label_of(path: _Path, name: str, key_of: Callable[[_Path], str] = model_key)
     if not path:
         return f"`{name}`"
     if isinstance(path[-1], int):
-        return f"entry {path[-1] + 1} of {label_of(path[:-1], name, key_of)}"
+        return msg(f"entry {arg(path[-1] + 1)} of {arg(label_of(path[:-1], name, key_of))}")
     return f"`{key_of(path)}`"
 
 
@@ -148,21 +152,21 @@ def _missing_key_finding(
     path: _Path, root: Node, model: type[BaseModel], name: str, key_of: Callable[[_Path], str]
 ) -> Finding:
     parent, key = path[:-1], key_of(path)
-    hint = f"add `{key}:` with {expected_type(at(model, path))}"
-    return Finding.at(root.at(*parent).place, f"{label_of(parent, name, key_of)} has no `{key}`", hint)
+    hint = msg(f"add `{arg(key)}:` with {arg(expected_type(at(model, path)))}")
+    return Finding.at(root.at(*parent).place, msg(f"{arg(label_of(parent, name, key_of))} has no `{arg(key)}`"), hint)
 
 
 def _explain_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[str, str]:  # noqa: ANN401 - a type
     if error["type"] == WRONG:
         return str(error["ctx"]["what"]), str(error["ctx"]["hint"])
     if what := _wrong_shape(error, node):
-        return f"{label} {what}", f"write {expected_type(field)}"
+        return f"{label} {what}", msg(f"write {arg(expected_type(field))}")
     if (what := _misread(node)) and error["type"] in _TEXTUAL:
         return _explain_unquoted(node, field, label, what)
     words = _WORDS.get(error["type"])
     if words is not None:
         return words(label, node, error.get("ctx", {}), field)
-    return f"{label} {FALLBACK}", f"write {expected_type(field)}"
+    return f"{label} {FALLBACK}", msg(f"write {arg(expected_type(field))}")
 
 
 def _wrong_shape(error: ErrorDetails, node: Node) -> str:
@@ -172,9 +176,9 @@ def _wrong_shape(error: ErrorDetails, node: Node) -> str:
     if node.value is None:
         return "has no value"
     if error["type"] == "too_short":
-        return f"has too few entries: the minimum is {error['ctx']['min_length']}"
+        return msg(f"has too few entries: the minimum is {arg(error['ctx']['min_length'])}")
     if error["type"] in _STRUCTURE or isinstance(node.value, dict | list):
-        return f"is {_describe_shape(node)}"
+        return msg(f"is {arg(_describe_shape(node))}")
     return ""
 
 
@@ -195,48 +199,62 @@ def _misread(node: Node) -> str:
 
 def _explain_unquoted(node: Node, field: Any, label: str, what: str) -> tuple[str, str]:  # noqa: ANN401 - a type
     if unwrap(field) is Secret:
-        return f"YAML reads {label} as {what}", "write it in quotes"
+        return msg(f"YAML reads {arg(label)} as {arg(what)}"), "write it in quotes"
     allowed_words = choices_of(field)
     if allowed_words and node.text not in allowed_words:
-        return f"`{node.text}` is not a valid value for {label}", suggest(node.text, map(str, allowed_words), none="")
-    return f"YAML reads `{node.text}` as {what}, but {label} must be a text", f'write it in quotes: "{node.text}"'
+        return msg(f"`{arg(node.text)}` is not a valid value for {arg(label)}"), suggest(
+            node.text, map(str, allowed_words), none=""
+        )
+    return msg(f"YAML reads `{arg(node.text)}` as {arg(what)}, but {arg(label)} must be a text"), msg(
+        f'write it in quotes: "{arg(node.text)}"'
+    )
 
 
 def _explain_number(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     if isinstance(node.value, str) and node.text.strip().replace(".", "", 1).isdigit():
-        return f"{label} must be a number, not a text", f"write it without quotes: {node.text.strip()}"
+        return msg(f"{arg(label)} must be a number, not a text"), msg(
+            f"write it without quotes: {arg(node.text.strip())}"
+        )
     kind = "a whole number" if isinstance(node.value, float) else "a number"
-    return f"{label} must be {kind}, not `{node.text}`", "write digits only"
+    return msg(f"{arg(label)} must be {arg(kind)}, not `{arg(node.text)}`"), "write digits only"
 
 
 def _explain_flag(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
-    return f"{label} must be true or false, not `{node.text}`", "write true or false, without quotes"
+    return msg(f"{arg(label)} must be true or false, not `{arg(node.text)}`"), "write true or false, without quotes"
 
 
 def _explain_choice(label: str, node: Node, context: Mapping[str, Any], field: object) -> tuple[str, str]:
     if isinstance(next(iter(choices_of(field)), None), int) and not node.plain:
         return _explain_number(label, node, context, field)
-    return f"`{node.text}` is not a valid value for {label}", suggest(node.text, map(str, choices_of(field)), none="")
+    return msg(f"`{arg(node.text)}` is not a valid value for {arg(label)}"), suggest(
+        node.text, map(str, choices_of(field)), none=""
+    )
 
 
 def _explain_minimum(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     bound = context.get("ge", context.get("gt"))
     if "gt" in context:
-        return f"{label} is {node.text}, but must be more than {bound:g}", f"write a number above {bound:g}"
-    return f"{label} is {node.text}: the minimum is {bound:g}", f"write {bound:g} or more"
+        return msg(f"{arg(label)} is {arg(node.text)}, but must be more than {arg(bound):g}"), msg(
+            f"write a number above {arg(bound):g}"
+        )
+    return msg(f"{arg(label)} is {arg(node.text)}: the minimum is {arg(bound):g}"), msg(f"write {arg(bound):g} or more")
 
 
 def _explain_maximum(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
-    return f"{label} is {node.text}: the maximum is {context['le']:g}", f"write {context['le']:g} or less"
+    return msg(f"{arg(label)} is {arg(node.text)}: the maximum is {arg(context['le']):g}"), msg(
+        f"write {arg(context['le']):g} or less"
+    )
 
 
 def _explain_too_long(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
     most = context["max_length"]
-    return f"{label} has {len(str(node.value))} characters: the maximum is {most}", "choose a shorter one"
+    return msg(
+        f"{arg(label)} has {arg(len(str(node.value)))} characters: the maximum is {arg(most)}"
+    ), "choose a shorter one"
 
 
 def _explain_not_finite(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
-    return f"{label} is `{node.text}`, which is not a finite number", "write digits only"
+    return msg(f"{arg(label)} is `{arg(node.text)}`, which is not a finite number"), "write digits only"
 
 
 _TEXTUAL = frozenset({NOT_TEXT, "string_type", "enum", "literal_error"})

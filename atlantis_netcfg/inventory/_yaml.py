@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import yaml
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import findings
 
@@ -268,13 +269,15 @@ def parse(data: bytes, file_name: str, decrypt: Decrypt | None) -> tuple[Node | 
         where = findings.Mark(file_name, data.count(b"\n", 0, error.start) + 1, 1)
         return None, [findings.Finding.at(where, "this line is not UTF-8 text", "save the file as UTF-8")]
     if text.startswith("$ANSIBLE_VAULT;"):
-        hint = f"ansible-vault decrypt {file_name}, then ansible-vault encrypt_string for each secret"
+        hint = msg(f"ansible-vault decrypt {arg(file_name)}, then ansible-vault encrypt_string for each secret")
         return None, [findings.Finding.at(start, "the whole file is encrypted; only single values can be", hint)]
     try:
         if (deep := _too_deep(text)) is not None:
             mark = findings.Mark(file_name, deep.line + 1, deep.column + 1)
             return None, [
-                findings.Finding.at(mark, f"the file is nested more than {_DEEPEST} levels deep", "use fewer levels")
+                findings.Finding.at(
+                    mark, msg(f"the file is nested more than {arg(_DEEPEST)} levels deep"), "use fewer levels"
+                )
             ]
         root = _compose(text)
     except yaml.YAMLError as error:
@@ -376,13 +379,15 @@ class _Converter:
             if colon:
                 self._add_finding(
                     key,
-                    f"a space is missing after `{findings.shown_key(name)}:`",
-                    f"write `{findings.shown_key(name)}: …`",
+                    msg(f"a space is missing after `{arg(findings.shown_key(name))}:`"),
+                    msg(f"write `{arg(findings.shown_key(name))}: …`"),
                 )
             if name in result:
                 first = result[name].place.line
                 self._add_finding(
-                    key, f"`{findings.shown_key(name)}` is here twice (first in line {first})", "keep one of them"
+                    key,
+                    msg(f"`{arg(findings.shown_key(name))}` is here twice (first in line {arg(first)})"),
+                    "keep one of them",
                 )
                 continue
             is_block = key.start_mark.line in self.marked and value.start_mark.line > key.start_mark.line
@@ -399,10 +404,12 @@ class _Converter:
             return None
         if not isinstance(key, yaml.ScalarNode) or key.tag != _STANDARD + "str":
             text = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "a list"
-            hint = f'write it in quotes: "{key.value}"' if isinstance(key, yaml.ScalarNode) else "use a word as key"
+            hint = msg(
+                f'write it in quotes: "{arg(key.value)}"' if isinstance(key, yaml.ScalarNode) else "use a word as key"
+            )
             if key.tag == _STANDARD + "merge":
                 hint = "write the keys out"
-            self._add_finding(key, f"YAML does not read {text} as text, so it cannot be a key", hint)
+            self._add_finding(key, msg(f"YAML does not read {arg(text)} as text, so it cannot be a key"), hint)
             return None
         if any(mark in key.value for mark in _JINJA):
             self._add_finding(

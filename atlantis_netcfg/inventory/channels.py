@@ -21,6 +21,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from atlantis_netcfg.core.messages import arg, msg
+
 
 @dataclass(frozen=True, slots=True)
 class Range:
@@ -141,7 +143,7 @@ def _explain_forbidden_channel(country: str, band: str, low: float, high: float,
         if not (entry.outdoors if outdoors else entry.indoors):
             return entry.rule
     if not ranges or low < ranges[0].low or high > ranges[-1].high:
-        return f"the channel covers {low:g} to {high:g} MHz, beyond the end of the band"
+        return msg(f"the channel covers {arg(low):g} to {arg(high):g} MHz, beyond the end of the band")
     return None
 
 

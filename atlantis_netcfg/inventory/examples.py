@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from ipaddress import AddressValueError, IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import EXAMPLE_PREFIX
 
 if TYPE_CHECKING:
@@ -71,15 +72,15 @@ def recognise(value: object) -> str | None:
     """Return why a value is recognisably an example, or None."""
     text = value if isinstance(value, str) else ""
     if text.startswith(EXAMPLE_PREFIX):
-        return f"a value that starts with {EXAMPLE_PREFIX}"
+        return msg(f"a value that starts with {arg(EXAMPLE_PREFIX)}")
     if text.startswith(("ssh-", "ecdsa-", "sk-")) and " EXAMPLE" in text:
         return SSH_KEY
     if text.lower() in _NAMES or text.lower().rstrip(".").endswith(_ENDINGS):
-        return f"{text} (a name of RFC 2606)"
+        return msg(f"{arg(text)} (a name of RFC 2606)")
     try:
         address = IPv4Address(text.partition("/")[0].strip())
     except AddressValueError:
         return None
     if any(address in block for block in DOCUMENTATION):
-        return f"{text.strip()} (a documentation address, RFC 5737)"
+        return msg(f"{arg(text.strip())} (a documentation address, RFC 5737)")
     return None

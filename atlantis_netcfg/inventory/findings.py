@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -44,7 +45,7 @@ class Finding:
         return cls(mark.file, mark.line, mark.column, _shorten(message), _shorten(hint))
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}: {self.message}"
+        return msg(f"{arg(self.file)}:{arg(self.line)}:{arg(self.column)}: {arg(self.message)}")
 
 
 _LONGEST = 400
@@ -73,15 +74,14 @@ class InventoryInvalid(UsageError):
 
 def report(findings: Sequence[Finding], where: str = _WHERE, *, warnings: bool = False) -> str:
     """Format errors or warnings for a technician: place, problem, correction; and the count at the end."""
-    lines = [f"{finding}\n  -> {finding.hint}" for finding in findings[:MOST_SHOWN]]
+    lines = [msg(f"{arg(finding)}\n  -> {arg(finding.hint)}") for finding in findings[:MOST_SHOWN]]
     lines += [_omitted_text(len(findings) - MOST_SHOWN)] if len(findings) > MOST_SHOWN else []
-    alone, many = ("1 warning", f"{len(findings)} warnings") if warnings else ("1 error", f"{len(findings)} errors")
-    count = alone if len(findings) == 1 else many
-    return "\n".join([*lines, f"{count} {where}"])
+    noun = "warning" if warnings else "error"
+    return join("\n", [*lines, msg(f"{arg(len(findings))} {noun}{'s' if len(findings) != 1 else ''} {where}")])
 
 
 def _omitted_text(number: int) -> str:
-    return f"{number} more not shown: correct these first"
+    return msg(f"{arg(number)} more not shown: correct these first")
 
 
 _MANY = 12
@@ -92,14 +92,14 @@ def suggest(word: str, known_words: Iterable[str], *, none: str) -> str:
     words = list(known_words)
     near = nearest(word, words)
     if near is not None:
-        return f"did you mean `{near}`?"
-    return f"available: {choices(words)}" if words else none
+        return msg(f"did you mean `{arg(near)}`?")
+    return msg(f"available: {arg(choices(words))}") if words else none
 
 
 def choices(words: Iterable[str]) -> str:
     """Join words with commas; a long list is shortened."""
     every = list(words)
-    return ", ".join(every[:_MANY]) + (f" … ({len(every)} in all)" if len(every) > _MANY else "")
+    return join(", ", every[:_MANY]) + msg(f" … ({arg(len(every))} in all)" if len(every) > _MANY else "")
 
 
 def shown_key(key: str) -> str:
@@ -114,4 +114,6 @@ def why_no_name(text: str) -> tuple[str, str] | None:
         return None
     near = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:32].strip("-")
     rule = "lower-case letters, digits and hyphens inside, 32 at most"
-    return f"`{text}` is not a valid name: a name has {rule}", near or "example of a name: coastal-router"
+    return msg(
+        f"`{arg(text)}` is not a valid name: a name has {arg(rule)}"
+    ), near or "example of a name: coastal-router"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NoMatchError, nearest
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import findings, model
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ class Inventory:
 def choose(inventory: Inventory, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
     """Select the hosts of a site (`all`: every site), limited to `only`. Raises NoMatchError with the known names."""
     if site != ALL and site not in inventory.sites:
-        raise NoMatchError(f"site `{site}` does not exist", hint=_suggest(site, "sites", [*inventory.sites, ALL]))
+        raise NoMatchError(f"site `{arg(site)}` does not exist", hint=_suggest(site, "sites", [*inventory.sites, ALL]))
     here = tuple(host for host in inventory.hosts.values() if site in {ALL, host.site})
     names = [host.name for host in here]
     for name in only:
@@ -77,20 +78,22 @@ def choose(inventory: Inventory, site: str, only: Sequence[str] = ()) -> tuple[H
             raise _no_such_host(inventory, site, name, names)
     selection = tuple(host for host in here if not only or host.name in only)
     if not selection:
-        raise NoMatchError(f"site `{site}` has no hosts", hint="add them to hosts.yml")
+        raise NoMatchError(f"site `{arg(site)}` has no hosts", hint="add them to hosts.yml")
     return selection
 
 
 def _no_such_host(inventory: Inventory, site: str, name: str, here: Sequence[str]) -> NoMatchError:
     elsewhere = inventory.hosts.get(name)
     if elsewhere is not None:
-        return NoMatchError(f"`{name}` is not at site `{site}`", hint=f"type site={elsewhere.site} device={name}")
-    where = "in the inventory" if site == ALL else f"at site `{site}`"
-    return NoMatchError(f"host `{name}` does not exist {where}", hint=_suggest(name, "hosts", here))
+        return NoMatchError(
+            f"`{arg(name)}` is not at site `{arg(site)}`", hint=f"type site={arg(elsewhere.site)} device={arg(name)}"
+        )
+    where = msg("in the inventory" if site == ALL else f"at site `{arg(site)}`")
+    return NoMatchError(f"host `{arg(name)}` does not exist {arg(where)}", hint=_suggest(name, "hosts", here))
 
 
 def _suggest(word: str, what: str, names: Iterable[str]) -> str:
     every = list(names)
     near = nearest(word, every)
-    choices_text = f"the {what} are: {findings.choices(every)}"
-    return f"did you mean `{near}`? {choices_text}" if near else choices_text
+    choices_text = msg(f"the {arg(what)} are: {arg(findings.choices(every))}")
+    return msg(f"did you mean `{arg(near)}`? {arg(choices_text)}") if near else choices_text

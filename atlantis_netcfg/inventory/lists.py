@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory._yaml import Node, parse
 from atlantis_netcfg.inventory.findings import Finding, choices, shown_key
 
@@ -46,24 +47,26 @@ class ListInvalid(UsageError):
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.findings = tuple(sorted(set(findings)))
         self.errors = tuple(UsageError(_message(finding), hint=finding.hint) for finding in self.findings)
-        super().__init__("\n".join(str(error) for error in self.errors))
+        super().__init__(join("\n", self.errors))
 
 
 def _message(finding: Finding) -> str:
-    return f"{finding.file}:{finding.line}: {finding.message}"
+    return msg(f"{arg(finding.file)}:{arg(finding.line)}: {arg(finding.message)}")
 
 
 def read(path: Path, keys: Sequence[str]) -> tuple[ListRow, ...]:
     """Read records whose keys are in `keys`. Raises UsageError, or ListInvalid with all errors of the file."""
     if path.suffix.lower() not in _SUFFIXES:
-        raise UsageError(f"the name of {path} is neither YAML nor CSV", hint="name it .yml or .csv")
+        raise UsageError(f"the name of {arg(path)} is neither YAML nor CSV", hint="name it .yml or .csv")
     data = _bytes(path)
     reader = _Csv(str(path), keys) if path.suffix.lower() == ".csv" else _Yaml(str(path), keys)
     rows = reader.read(data)
     if not reader.findings and not rows:
-        reader.wrong(1, "it contains no record", f"write one for each device: {choices(keys)}")
+        reader.wrong(1, "it contains no record", msg(f"write one for each device: {arg(choices(keys))}"))
     if len(rows) > _ROWS:
-        reader.wrong(1, f"there are {len(rows)} records; the maximum is {_ROWS}", "split it into two files")
+        reader.wrong(
+            1, msg(f"there are {arg(len(rows))} records; the maximum is {arg(_ROWS)}"), "split it into two files"
+        )
     if reader.findings:
         raise ListInvalid(reader.findings)
     return rows
@@ -74,9 +77,9 @@ def _bytes(path: Path) -> bytes:
         with path.open("rb") as file:
             data = file.read(_BYTES + 1)
     except (OSError, ValueError) as error:
-        raise UsageError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        raise UsageError(f"{arg(path)} cannot be read: {arg(getattr(error, 'strerror', None) or error)}") from error
     if len(data) > _BYTES:
-        raise UsageError(f"{path} is larger than {_BYTES // 1_000_000} MB", hint="split it into two files")
+        raise UsageError(f"{arg(path)} is larger than {arg(_BYTES // 1_000_000)} MB", hint="split it into two files")
     return data
 
 
@@ -95,8 +98,8 @@ class _ListReader:
         if key in self.keys:
             return True
         near = nearest(key, self.keys)
-        hint = f"did you mean `{near}`?" if near else f"available: {choices(self.keys)}"
-        self.wrong(line, f"unknown key `{shown_key(key)}`", hint)
+        hint = msg(f"did you mean `{arg(near)}`?" if near else f"available: {arg(choices(self.keys))}")
+        self.wrong(line, msg(f"unknown key `{arg(shown_key(key))}`"), hint)
         return False
 
 
@@ -143,7 +146,7 @@ class _Yaml(_ListReader):
             if not self.check_key(key, line) or value.value is None or value.is_reported:
                 continue
             if isinstance(value.value, dict | list) or not value.text:
-                self.wrong(line, f"`{key}` needs a simple value", "write a single value")
+                self.wrong(line, msg(f"`{arg(key)}` needs a simple value"), "write a single value")
                 continue
             yield key, value.text
 
@@ -165,14 +168,14 @@ class _Csv(_ListReader):
         try:
             return self._rows(lines)
         except csv.Error as error:
-            self.wrong(lines.line_num, f"this is not CSV: {error}", "quotes must enclose a whole value")
+            self.wrong(lines.line_num, msg(f"this is not CSV: {arg(error)}"), "quotes must enclose a whole value")
             return ()
 
     def _rows(self, lines: Any) -> tuple[ListRow, ...]:  # noqa: ANN401 - csv has no public type for its reader
         header = [name.strip() for name in next(lines, [])]
         for name in header:
             if self.check_key(name, 1) and header.count(name) > 1:
-                self.wrong(1, f"`{name}` is here twice", "keep one of them")
+                self.wrong(1, msg(f"`{arg(name)}` is here twice"), "keep one of them")
         if self.findings:
             return ()
         return tuple(row for cells in lines if (row := self._row(header, cells, lines.line_num)) is not None)
@@ -183,7 +186,7 @@ class _Csv(_ListReader):
         if len(cells) != len(header):
             self.wrong(
                 line,
-                f"{len(cells)} values for {len(header)} columns",
+                msg(f"{arg(len(cells))} values for {arg(len(header))} columns"),
                 "write one value for each column, or leave it empty",
             )
         return ListRow(

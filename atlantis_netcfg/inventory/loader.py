@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from atlantis_netcfg.core.errors import NoMatchError, nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import _hosts, _schema, _yaml
 from atlantis_netcfg.inventory._draft import Draft, Part
@@ -98,8 +99,8 @@ class _Gatherer:
         self.result.all = variables
         for name in _OF_ALL:
             if name not in variables and complete:
-                hint = f"write `{name}:` in {self.sources.display_name}/{_HOMES[name]}"
-                self._add_finding(self.layout.start, f"`{name}` is missing", hint)
+                hint = msg(f"write `{arg(name)}:` in {arg(self.sources.display_name)}/{arg(_HOMES[name])}")
+                self._add_finding(self.layout.start, msg(f"`{arg(name)}` is missing"), hint)
 
     def _gather_group(self, name: str, paths: list[Path]) -> None:
         if name in self.layout.sites:
@@ -109,14 +110,14 @@ class _Gatherer:
             self._variables(paths, ())
         else:
             names = ["all", *self.layout.sites]
-            self._report_orphans(paths, f"no site or group is named `{name}`", name, names, "group_vars")
+            self._report_orphans(paths, msg(f"no site or group is named `{arg(name)}`"), name, names, "group_vars")
 
     def _gather_host(self, name: str, paths: list[Path]) -> None:
         if name in self.layout.hosts:
             variables, complete = self._variables(paths, ("device",))
             self._keep(name, paths, variables.get("device"), self.result.devices, "device", complete=complete)
         else:
-            self._report_orphans(paths, f"no host is named `{name}`", name, self.layout.hosts, "host_vars")
+            self._report_orphans(paths, msg(f"no host is named `{arg(name)}`"), name, self.layout.hosts, "host_vars")
 
     def _keep(  # noqa: PLR0913 - one step of two callers
         self,
@@ -131,7 +132,9 @@ class _Gatherer:
         if node is not None:
             into[name] = node
         elif complete and paths:
-            self._add_finding(Mark(self.sources.name(paths[0]), 1, 1), f"`{variable}:` is missing here", "add it")
+            self._add_finding(
+                Mark(self.sources.name(paths[0]), 1, 1), msg(f"`{arg(variable)}:` is missing here"), "add it"
+            )
 
     def _report_orphans(
         self, paths: list[Path], message: str, name: str, names: Mapping[str, object] | list[str], folder: str
@@ -140,10 +143,10 @@ class _Gatherer:
         for path in paths:
             file_name = self.sources.name(path)
             target = file_name.replace(f"/{folder}/{name}", f"/{folder}/{near}", 1)
-            hint = (
-                f"did you mean `{near}`? mv {file_name} {target}"
+            hint = msg(
+                f"did you mean `{arg(near)}`? mv {arg(file_name)} {arg(target)}"
                 if near
-                else f"add it to {self.sources.display_name}/hosts.yml"
+                else f"add it to {arg(self.sources.display_name)}/hosts.yml"
             )
             self._add_finding(Mark(file_name, 1, 1), message, hint)
 
@@ -153,8 +156,8 @@ class _Gatherer:
         names = self.layout.sites if folder == "group_vars" else self.layout.hosts
         orphans = [other for other in files if other not in names and nearest(other, names) == name]
         if not orphans:
-            hint = f"write `{variable}:` in {self.sources.display_name}/{folder}/{name}.yml"
-            self._add_finding(mark, f"`{name}` has no file in {folder}/", hint)
+            hint = msg(f"write `{arg(variable)}:` in {arg(self.sources.display_name)}/{arg(folder)}/{arg(name)}.yml")
+            self._add_finding(mark, msg(f"`{arg(name)}` has no file in {arg(folder)}/"), hint)
 
     def _variables(self, paths: list[Path], allowed_names: tuple[str, ...]) -> tuple[dict[str, _yaml.Node], bool]:
         """Return the allowed variables of the files, and whether all files were readable."""
@@ -184,14 +187,22 @@ class _Gatherer:
         near = name if name in allowed_names else nearest(name, allowed_names)
         if name in allowed_names and name in variables:
             first = variables[name].place
-            self._add_finding(value.place, f"`{name}` is set twice, first in {first.file}:{first.line}", "keep one")
+            self._add_finding(
+                value.place,
+                msg(f"`{arg(name)}` is set twice, first in {arg(first.file)}:{arg(first.line)}"),
+                "keep one",
+            )
         elif name in allowed_names:
             variables[name] = value
         elif name in _HOMES:
-            self._add_finding(value.place, f"`{name}` does not belong here", f"move it to {_HOMES[name]}")
+            self._add_finding(
+                value.place, msg(f"`{arg(name)}` does not belong here"), msg(f"move it to {arg(_HOMES[name])}")
+            )
         else:
             none = "only variables of Ansible itself (`ansible_…`) are allowed here"
-            self._add_finding(value.place, f"unknown key `{shown_key(name)}`", suggest(name, allowed_names, none=none))
+            self._add_finding(
+                value.place, msg(f"unknown key `{arg(shown_key(name))}`"), suggest(name, allowed_names, none=none)
+            )
             if near is not None:
                 variables.setdefault(near, value)
 
@@ -236,7 +247,11 @@ class InventorySources:
         except OSError as error:
             reason = (error.strerror or "no reason given").lower()
             return None, [
-                Finding.at(Mark(file_name, 1, 1), f"the file cannot be read: {reason}", f"check it: ls -ld {file_name}")
+                Finding.at(
+                    Mark(file_name, 1, 1),
+                    msg(f"the file cannot be read: {arg(reason)}"),
+                    msg(f"check it: ls -ld {arg(file_name)}"),
+                )
             ]
         if len(data) > LARGEST:
             return None, [
@@ -282,8 +297,8 @@ def _scan_folder(sources: InventorySources, folder: Path, files: dict[str, list[
             files.setdefault(entry.name, []).extend(_scan_inner(sources, entry))
         elif entry.suffix == ".yml":
             if entry.stem in files:
-                hint = f"move it into {sources.name(entry.with_suffix(''))}/"
-                message = f"Ansible does not read this file next to the folder `{entry.stem}`"
+                hint = msg(f"move it into {arg(sources.name(entry.with_suffix('')))}/")
+                message = msg(f"Ansible does not read this file next to the folder `{arg(entry.stem)}`")
                 sources.findings.append(Finding.at(Mark(sources.name(entry), 1, 1), message, hint))
             files.setdefault(entry.stem, []).append(entry)
         else:
@@ -309,7 +324,7 @@ def _is_folder_for_file(sources: InventorySources, entry: Path) -> bool:
         sources,
         entry,
         "a folder is in place of a file",
-        f"rename it: mv {file_name} {file_name.removesuffix('.yml')}",
+        msg(f"rename it: mv {arg(file_name)} {arg(file_name.removesuffix('.yml'))}"),
     )
     return True
 
@@ -323,15 +338,15 @@ def _stray(sources: InventorySources, entry: Path, expected_names: tuple[str, ..
         if inside is None:
             return
         near = nearest(entry.name, expected_names)
-        hint = (
-            f"did you mean `{near}`?"
+        hint = msg(
+            f"did you mean `{arg(near)}`?"
             if near
-            else f"move its files to where they are read, or remove it: rm -r {file_name}"
+            else f"move its files to where they are read, or remove it: rm -r {arg(file_name)}"
         )
-        _add_source_finding(sources, inside, f"the folder `{entry.name}` is not read", hint)
+        _add_source_finding(sources, inside, msg(f"the folder `{arg(entry.name)}` is not read"), hint)
     elif entry.name.endswith(_BACKUPS):
         _add_source_finding(
-            sources, entry, "this copy is not read, but may contain secrets", f"remove it: rm {file_name}"
+            sources, entry, "this copy is not read, but may contain secrets", msg(f"remove it: rm {arg(file_name)}")
         )
     elif entry.suffix not in _DOCUMENTS:
         stem = entry.name.removesuffix(entry.suffix) if entry.suffix in {".yaml", ".json", ".ini", ""} else entry.stem
@@ -339,8 +354,8 @@ def _stray(sources: InventorySources, entry: Path, expected_names: tuple[str, ..
         _add_source_finding(
             sources,
             entry,
-            f"the file `{entry.name}` is not read",
-            f"rename it: mv {file_name} {_sibling_name(file_name, name)}",
+            msg(f"the file `{arg(entry.name)}` is not read"),
+            msg(f"rename it: mv {arg(file_name)} {arg(_sibling_name(file_name, name))}"),
         )
 
 
@@ -376,7 +391,7 @@ def build(
         if more := len(unknown[MOST_SHOWN:]):
             place = node.at(*unknown[MOST_SHOWN]).place
             findings.append(
-                Finding.at(place, f"from here on, {more} more keys are unknown", "correct the others first")
+                Finding.at(place, msg(f"from here on, {arg(more)} more keys are unknown"), "correct the others first")
             )
             return None, node, findings
     findings.extend(
@@ -414,11 +429,11 @@ def _unknown(
     free = {word: field for word, field in field_by_key.items() if field not in block}
     word = key.partition(" ")[0]
     if word != key and word in free and block[key].value is None:
-        return free[word], f"a `:` is missing after `{word}`", f"write `{word}: …`"
+        return free[word], msg(f"a `:` is missing after `{arg(word)}`"), msg(f"write `{arg(word)}: …`")
     near = nearest(key, free)
-    instead = f"remove `{shown_key(key)}`; the keys here are: {', '.join(field_by_key)}"
-    message = f"{where} has no key `{shown_key(key)}`"
-    return near and free[near], message, f"did you mean `{near}`?" if near is not None else instead
+    instead = msg(f"remove `{arg(shown_key(key))}`; the keys here are: {arg(join(', ', field_by_key))}")
+    message = msg(f"{arg(where)} has no key `{arg(shown_key(key))}`")
+    return near and free[near], message, msg(f"did you mean `{arg(near)}`?") if near is not None else instead
 
 
 def _rename_key(node: _yaml.Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> _yaml.Node:
@@ -473,15 +488,17 @@ class _Builder:
             return
         self.draft.nodes[Part(variable)] = node
         if node.value is not None and not isinstance(node.value, dict):
-            hint = f"write `name:` and, indented below it, {_schema.expected_type(model)}"
-            self.findings.append(Finding.at(node.place, f"`{variable}` needs a block of keys", hint))
+            hint = msg(f"write `name:` and, indented below it, {arg(_schema.expected_type(model))}")
+            self.findings.append(Finding.at(node.place, msg(f"`{arg(variable)}` needs a block of keys"), hint))
             return
         for name, below in node.keys.items():
             if why := why_no_name(name):
                 self.findings.append(Finding.at(below.place, *why))
             if (there := self.draft.nodes.get(Part(sort, name))) is not None:
                 where = f"{there.place.file}:{there.place.line}"
-                self.findings.append(Finding.at(below.place, f"`{name}` is already set ({where})", "remove one"))
+                self.findings.append(
+                    Finding.at(below.place, msg(f"`{arg(name)}` is already set ({arg(where)})"), "remove one")
+                )
                 continue
             part: Any = self._build(Part(sort, name), below, model, name)
             if part is not None:
@@ -523,10 +540,16 @@ class _Builder:
         keys = dict(node.keys)
         if "kind" not in keys and (near := nearest("kind", keys)) is not None:
             value = keys.pop(near)
-            self.findings.append(Finding.at(value.place, f"`device` has no key `{near}`", "did you mean `kind`?"))
+            self.findings.append(
+                Finding.at(value.place, msg(f"`device` has no key `{arg(near)}`"), "did you mean `kind`?")
+            )
             keys["kind"] = value
         if "kind" not in keys:
-            hint = f"add `kind: {group_kind}`" if group_kind else f"add `kind:` with one of {choices(_schema.DEVICES)}"
+            hint = msg(
+                f"add `kind: {arg(group_kind)}`"
+                if group_kind
+                else f"add `kind:` with one of {arg(choices(_schema.DEVICES))}"
+            )
             self.findings.append(Finding.at(node.place, "`device` has no `kind`", hint))
             keys["kind"] = _yaml.Node(node.mark, group_kind)
         kind = keys["kind"].value
@@ -534,7 +557,7 @@ class _Builder:
             return replace(node, value=keys), kind
         if kind is not None:
             message, hint = (
-                f"`{keys['kind'].text}` is not a kind of device",
+                msg(f"`{arg(keys['kind'].text)}` is not a kind of device"),
                 suggest(keys["kind"].text, _schema.DEVICES, none=""),
             )
             self.findings.append(Finding.at(keys["kind"].mark, message, hint))
@@ -621,13 +644,13 @@ def _require_layout(root: _yaml.Node | None, findings: list[Finding], display_na
     layout = _hosts.parse_layout(root) if root is not None else None
     if layout is None or not (layout.sites or layout.findings or findings):
         raise NoMatchError(
-            f"{display_name}/{HOSTS} contains no site",
+            f"{arg(display_name)}/{arg(HOSTS)} contains no site",
             hint="write all: children: sites: children: <site>: hosts: <host>:",
         )
     if not (layout.hosts or layout.findings or findings):
         raise NoMatchError(
-            f"{display_name}/{HOSTS} contains no host",
-            hint=f"add hosts below a site; the sites are: {choices(layout.sites)}",
+            f"{arg(display_name)}/{arg(HOSTS)} contains no host",
+            hint=f"add hosts below a site; the sites are: {arg(choices(layout.sites))}",
         )
     return layout
 
@@ -656,17 +679,21 @@ def _check_inventory_folder(inventory: Path) -> Path:
         return _require_inventory(inventory)
     except OSError as error:
         name, why = inventory, error.strerror
-        raise NoMatchError(f"the inventory directory {name} cannot be read: {why}", hint=_READABLE) from None
+        raise NoMatchError(f"the inventory directory {arg(name)} cannot be read: {arg(why)}", hint=_READABLE) from None
 
 
 def _require_inventory(inventory: Path) -> Path:
     if not inventory.is_dir():
         near = _inventories_beside(inventory)
-        hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory that contains {HOSTS}"
+        hint = msg(
+            f"inventories here: {arg(choices(near))}"
+            if near
+            else f"an inventory is a directory that contains {arg(HOSTS)}"
+        )
         what = "is a file" if inventory.exists() else "does not exist"
-        raise NoMatchError(f"the inventory directory {inventory} {what}", hint=hint)
+        raise NoMatchError(f"the inventory directory {arg(inventory)} {arg(what)}", hint=hint)
     if not (inventory / HOSTS).exists():
         there = [path.name for path in _entries(inventory)]
-        hint = f"it contains: {choices(there)}" if there else "it is empty"
-        raise NoMatchError(f"{HOSTS} is missing in {inventory}", hint=hint)
+        hint = msg(f"it contains: {arg(choices(there))}" if there else "it is empty")
+        raise NoMatchError(f"{arg(HOSTS)} is missing in {arg(inventory)}", hint=hint)
     return inventory

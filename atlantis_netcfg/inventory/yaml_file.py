@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from pydantic import BaseModel
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory._yaml import Node, parse
 from atlantis_netcfg.inventory.findings import Finding, Mark, choices, suggest
 from atlantis_netcfg.inventory.loader import build
@@ -45,11 +46,11 @@ def read(path: Path, model: type[_M], name: str) -> Block[_M]:
     root, findings = parse(_bytes(path, name), str(path), None)
     start = Mark(str(path), 1, 1)
     if root is None:
-        empty = Finding.at(start, "the file is empty", f"its keys are: {', '.join(model.model_fields)}")
+        empty = Finding.at(start, "the file is empty", msg(f"its keys are: {arg(join(', ', model.model_fields))}"))
         return Block(None, tuple(findings or [empty]), Node(start, {}))
     if not isinstance(root.value, dict):
         wrong = Finding.at(
-            root.mark, "the file must contain a block of keys", f"they are: {', '.join(model.model_fields)}"
+            root.mark, "the file must contain a block of keys", msg(f"they are: {arg(join(', ', model.model_fields))}")
         )
         return Block(None, (*findings, wrong), root)
     value, root, more = build(root, model, name)
@@ -62,9 +63,11 @@ def _bytes(path: Path, name: str) -> bytes:
             data = file.read(_BYTES + 1)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
-        raise UsageError(f"{name} cannot be read: {path}: {why}", hint="give the path of the file") from error
+        raise UsageError(
+            f"{arg(name)} cannot be read: {arg(path)}: {arg(why)}", hint="give the path of the file"
+        ) from error
     if len(data) > _BYTES:
         raise UsageError(
-            f"{path} is larger than 1 MB, so it is not a file of this program", hint="give the path of the file"
+            f"{arg(path)} is larger than 1 MB, so it is not a file of this program", hint="give the path of the file"
         )
     return data

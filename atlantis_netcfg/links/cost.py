@@ -15,6 +15,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,12 +67,12 @@ class MeteredLink:
     @property
     def cap_key(self) -> str:
         """The inventory key of the cap, for a person who wants to raise it."""
-        return f"`cap_mb` of link `{self.name}` in group_vars/{self.site}.yml"
+        return msg(f"`cap_mb` of link `{arg(self.name)}` in group_vars/{arg(self.site)}.yml")
 
     @property
     def tariff_key(self) -> str:
         """The inventory key where the tariff belongs."""
-        return f"`billing` of link `{self.name}` in group_vars/{self.site}.yml"
+        return msg(f"`billing` of link `{arg(self.name)}` in group_vars/{arg(self.site)}.yml")
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,14 +93,18 @@ class Bill:
         if self.price is None:
             return "price unknown"
         if 0 < self.price < _CENT:
-            return f"less than {_CENT} {self.currency}"
+            return msg(f"less than {arg(_CENT)} {arg(self.currency)}")
         return f"{self.price.quantize(_CENT, ROUND_CEILING)} {self.currency}"
 
     @property
     def words(self) -> str:
         """The bill as text: `61 kB, billed as 75 kB (the floor of a long session), 0.60 EUR`."""
-        more = f", billed as {size(self.billed_bytes)} ({self.basis})" if self.billed_bytes > self.payload_bytes else ""
-        return f"{size(self.payload_bytes)}{more}, {self.money}"
+        more = msg(
+            f", billed as {arg(size(self.billed_bytes))} ({arg(self.basis)})"
+            if self.billed_bytes > self.payload_bytes
+            else ""
+        )
+        return msg(f"{arg(size(self.payload_bytes))}{arg(more)}, {arg(self.money)}")
 
     def as_dict(self) -> Mapping[str, str | int | float | None]:
         """Return JSON-able data; the price is text, so that no digit is lost."""
@@ -134,18 +139,20 @@ class Preview:
         name, at_most = self.link.name, self.at_most
         if not self.link.is_metered:
             whole = size(self.bill.payload_bytes)
-            return f"over {name} (not metered): {'up to' if at_most else 'about'} {whole}"
-        missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not set)"
+            return msg(f"over {arg(name)} (not metered): {'up to' if at_most else 'about'} {arg(whole)}")
+        missing = msg("" if self.bill.price is not None else f" ({arg(self.link.tariff_key)} is not set)")
         cost = f"{self.bill.words}{missing}"
-        return f"over metered link {name} of {self.link.site}: {'up to' if at_most else 'about'} {cost}"
+        return msg(
+            f"over metered link {arg(name)} of {arg(self.link.site)}: {'up to' if at_most else 'about'} {arg(cost)}"
+        )
 
     def refusal(self) -> CostRefusal:
         """Return the error for an action beyond the cap."""
         cap = self.link.cap_bytes or 0
         return CostRefusal(
-            f"this would send about {size(self.bill.payload_bytes)} over {self.link.name}; the limit for one action "
-            f"is {size(cap)}",
-            hint=f"use another link (`via=lan`), or raise {self.link.cap_key}",
+            f"this would send about {arg(size(self.bill.payload_bytes))} over {arg(self.link.name)}; the limit for one "
+            f"action is {arg(size(cap))}",
+            hint=f"use another link (`via=lan`), or raise {arg(self.link.cap_key)}",
         )
 
     def as_dict(self) -> Mapping[str, object]:
@@ -166,7 +173,7 @@ def bill(nbytes: int, seconds: float, tariff: Tariff | None) -> Bill:
     session. Raises ValueError for negative values.
     """
     if nbytes < 0 or seconds < 0:
-        raise ValueError(f"invalid session: {nbytes} bytes in {seconds} s")
+        raise ValueError(msg(f"invalid session: {arg(nbytes)} bytes in {arg(seconds)} s"))
     if tariff is None:
         return Bill(nbytes, seconds, nbytes, Basis.PAYLOAD, None, None)
     billed_bytes, basis = _compute_billed_bytes(nbytes, seconds, tariff)

@@ -13,6 +13,7 @@ from ipaddress import AddressValueError, IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links.status import LinkFinding
 
 if TYPE_CHECKING:
@@ -44,7 +45,10 @@ def judge_carrier_nat(link: str, address: str | None, *, forwards: bool) -> tupl
     )
     if why is None:
         return ()
-    message = f"`{link}` is behind its carrier's NAT: it has {address} ({why}), so the site cannot be reached over it"
+    message = msg(
+        f"`{arg(link)}` is behind its carrier's NAT: it has {arg(address)} ({arg(why)}), so the site cannot be reached "
+        "over it"
+    )
     if forwards:
         hint = (
             "the forwarded ports of this router cannot be reached over this link: ask the provider for a public address"
@@ -64,19 +68,24 @@ def judge_factory_address(
     if answers_at_factory is None or answers_at_factory == declared_address:
         if answers:
             return ()
-        message = f"`{host}` does not respond at {declared_address} on {port}, nor at its factory address"
+        message = msg(
+            f"`{arg(host)}` does not respond at {arg(declared_address)} on {arg(port)}, nor at its factory address"
+        )
         hint = "check that it is powered and plugged into that port; a terminal takes minutes to start"
         return (LinkFinding(Verdict.INCONCLUSIVE, "box-silent", message, hint),)
     if answers:
-        message = f"on {port} `{host}` responds at {declared_address}, and another device at {answers_at_factory}"
+        message = msg(
+            f"on {arg(port)} `{arg(host)}` responds at {arg(declared_address)}, and another device at "
+            f"{arg(answers_at_factory)}"
+        )
         return (LinkFinding(Verdict.WARN, "factory-address-answers", message, "check what else is plugged in there"),)
-    message = (
-        f"`{host}` is in the wrong subnet: on {port} it responds at {answers_at_factory}, the inventory has "
-        f"{declared_address}"
+    message = msg(
+        f"`{arg(host)}` is in the wrong subnet: on {arg(port)} it responds at {arg(answers_at_factory)}, the inventory "
+        f"has {arg(declared_address)}"
     )
-    hint = (
-        f"set {declared_address} on its own page ({answers_at_factory} from a laptop), or correct the network in "
-        "the inventory"
+    hint = msg(
+        f"set {arg(declared_address)} on its own page ({arg(answers_at_factory)} from a laptop), or correct the "
+        "network in the inventory"
     )
     return (LinkFinding(Verdict.FAIL, "box-in-wrong-subnet", message, hint),)
 
@@ -120,8 +129,8 @@ def judge_evidence(
             LinkFinding(
                 Verdict.WARN,
                 "terminal-not-looked-at",
-                f"terminal {name} not inspected yet: its firmware and its own allow-list are unknown",
-                f"open its pages and record what they show under `evidence:` in host_vars/{name}.yml",
+                msg(f"terminal {arg(name)} not inspected yet: its firmware and its own allow-list are unknown"),
+                msg(f"open its pages and record what they show under `evidence:` in host_vars/{arg(name)}.yml"),
             ),
         )
     return (
@@ -134,21 +143,21 @@ def judge_evidence(
 
 def _check_evidence_age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[LinkFinding]:
     days = (today - evidence.seen_on).days
-    text = f"{evidence.by} inspected terminal {name} on {evidence.seen_on.isoformat()}"
+    text = msg(f"{arg(evidence.by)} inspected terminal {arg(name)} on {arg(evidence.seen_on.isoformat())}")
     if days > STALE_AFTER_DAYS:
-        hint = f"inspect it again, and record who and when under `evidence:` in host_vars/{name}.yml"
-        yield LinkFinding(Verdict.WARN, "terminal-evidence-old", f"{text}, {days} days ago", hint)
+        hint = msg(f"inspect it again, and record who and when under `evidence:` in host_vars/{arg(name)}.yml")
+        yield LinkFinding(Verdict.WARN, "terminal-evidence-old", msg(f"{arg(text)}, {arg(days)} days ago"), hint)
     elif days < 0:
-        hint = f"correct `seen_on:` in host_vars/{name}.yml, or this computer's clock"
+        hint = msg(f"correct `seen_on:` in host_vars/{arg(name)}.yml, or this computer's clock")
         yield LinkFinding(
-            Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{text}, which is in the future", hint
+            Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", msg(f"{arg(text)}, which is in the future"), hint
         )
 
 
 def _check_allow_list(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFinding]:
     if not evidence.allow_list:
-        message = (
-            f"terminal {name} has no allow-list of its own, or a different one: only the router limits its traffic"
+        message = msg(
+            f"terminal {arg(name)} has no allow-list of its own, or a different one: only the router limits its traffic"
         )
         hint = (
             "enter the inventory's destinations on the terminal's page; `provision measure satellite site=…` "
@@ -160,20 +169,21 @@ def _check_allow_list(name: str, evidence: SatelliteEvidence) -> Iterator[LinkFi
 def _check_backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[LinkFinding]:
     declared_sha256 = evidence.backup_sha256
     if declared_sha256 is None:
-        message = f"the inventory has no backup of terminal {name}, so a changed setting would not be noticed"
+        message = msg(f"the inventory has no backup of terminal {arg(name)}, so a changed setting would not be noticed")
         hint = "export one on its page and write `backup_file:` and `backup_sha256:` (sha256sum FILE)"
         yield LinkFinding(Verdict.WARN, "terminal-without-backup", message, hint)
     elif backup is None:
-        message = f"the backup of terminal {name} in the inventory is not on this computer"
+        message = msg(f"the backup of terminal {arg(name)} in the inventory is not on this computer")
         file = evidence.backup_file or "the file"
-        hint = (
-            f"put {file} into inventory/evidence/, or pass its path: `provision measure satellite site=… backup=FILE`"
+        hint = msg(
+            f"put {arg(file)} into inventory/evidence/, or pass its path: `provision measure satellite site=… "
+            "backup=FILE`"
         )
         yield LinkFinding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
     elif backup.sha256 != declared_sha256:
-        message = (
-            f"the backup {backup.path} of terminal {name} is not the one in the inventory: SHA-256 "
-            f"{backup.sha256[:16]}…, expected {declared_sha256[:16]}…"
+        message = msg(
+            f"the backup {arg(backup.path)} of terminal {arg(name)} is not the one in the inventory: SHA-256 "
+            f"{arg(backup.sha256[:16])}…, expected {arg(declared_sha256[:16])}…"
         )
         hint = "its settings have changed, or this is another file: check its pages, then correct the inventory"
         yield LinkFinding(Verdict.FAIL, "terminal-backup-differs", message, hint)
@@ -181,9 +191,9 @@ def _check_backup(name: str, evidence: SatelliteEvidence, backup: Backup | None)
 
 def _check_firmware(name: str, evidence: SatelliteEvidence, confirmed_firmware: str | None) -> Iterator[LinkFinding]:
     if confirmed_firmware is not None and confirmed_firmware != evidence.firmware:
-        message = (
-            f"terminal {name} had firmware {confirmed_firmware} when a run last recorded it, and now has "
-            f"{evidence.firmware}"
+        message = msg(
+            f"terminal {arg(name)} had firmware {arg(confirmed_firmware)} when a run last recorded it, and now has "
+            f"{arg(evidence.firmware)}"
         )
         hint = "new firmware may have other defaults: check its allow-list again, and test it"
         yield LinkFinding(Verdict.WARN, "terminal-firmware-changed", message, hint)
@@ -216,25 +226,31 @@ def judge_names(
 
 
 def _judge_name(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[LinkFinding]:
-    name = f"{target.dns_name} ({target.what})"
+    name = msg(f"{arg(target.dns_name)} ({arg(target.what)})")
     if addresses is None:
-        message = f"{by} could not resolve {name}: it is unknown whether its address is still {target.address}"
+        message = msg(
+            f"{arg(by)} could not resolve {arg(name)}: it is unknown whether its address is still {arg(target.address)}"
+        )
         yield LinkFinding(Verdict.INCONCLUSIVE, "allow-list-name-not-asked", message, "try again where DNS works")
     elif not addresses:
-        message = f"{by} finds no address for {name}; the allow-list permits {target.address}"
-        hint = f"correct `dns_name`, or the name itself ({target.where})"
+        message = msg(f"{arg(by)} finds no address for {arg(name)}; the allow-list permits {arg(target.address)}")
+        hint = msg(f"correct `dns_name`, or the name itself ({arg(target.where)})")
         yield LinkFinding(Verdict.WARN, "allow-list-name-unknown", message, hint)
     elif target.address not in addresses:
-        address_list = ", ".join(sorted(addresses))
-        message = (
-            f"the address of {name} has changed: {by} resolves it to {address_list}, the allow-list permits "
-            f"{target.address}"
+        address_list = join(", ", sorted(addresses))
+        message = msg(
+            f"the address of {arg(name)} has changed: {arg(by)} resolves it to {arg(address_list)}, the allow-list "
+            f"permits {arg(target.address)}"
         )
-        hint = f"correct the address ({target.where}) and provision the site before the satellite is its only link"
+        hint = msg(
+            f"correct the address ({arg(target.where)}) and provision the site before the satellite is its only link"
+        )
         yield LinkFinding(Verdict.FAIL, "allow-list-name-moved", message, hint)
     elif len(addresses) > 1:
-        others = ", ".join(sorted(addresses - {target.address}))
-        message = f"{name} has more addresses than the allow-list permits: {target.address}, but also {others}"
+        others = join(", ", sorted(addresses - {target.address}))
+        message = msg(
+            f"{arg(name)} has more addresses than the allow-list permits: {arg(target.address)}, but also {arg(others)}"
+        )
         hint = "traffic to the others is dropped over the satellite: add them to `allow:` if they are needed"
         yield LinkFinding(Verdict.WARN, "allow-list-name-has-more", message, hint)
 
@@ -305,13 +321,14 @@ def judge_attempt(attempt: Attempt, *, link_seen: bool) -> LinkFinding:
     refused.
     """
     if attempt.outcome is ProbeOutcome.NOT_TRIED:
-        message = f"{attempt.name} ({attempt.target}) could not be tested: {attempt.note}"
+        message = msg(f"{arg(attempt.name)} ({arg(attempt.target)}) could not be tested: {arg(attempt.note)}")
         return LinkFinding(Verdict.INCONCLUSIVE, "not-tried", message, attempt.hint or None)
     if attempt.expected_outcome is ExpectedOutcome.REACHED:
         return _judge_allowed(attempt)
     if attempt.outcome is ProbeOutcome.SILENT and not link_seen:
-        message = (
-            f"{attempt.name} ({attempt.target}) did not respond, but nothing else was reached over the satellite either"
+        message = msg(
+            f"{arg(attempt.name)} ({arg(attempt.target)}) did not respond, but nothing else was reached over the "
+            "satellite either"
         )
         return LinkFinding(
             Verdict.INCONCLUSIVE, "link-not-seen", message, "check that the terminal is connected, then try again"
@@ -320,38 +337,51 @@ def judge_attempt(attempt: Attempt, *, link_seen: bool) -> LinkFinding:
 
 
 def _judge_allowed(attempt: Attempt) -> LinkFinding:
-    who = f"{attempt.name} ({attempt.target})"
+    who = msg(f"{arg(attempt.name)} ({arg(attempt.target)})")
     if attempt.outcome is ProbeOutcome.ANSWERED:
-        after = "" if attempt.after_s is None else f" after {attempt.after_s:.0f} s"
-        return LinkFinding(Verdict.PASS, "reached", f"{who} was reached{after} over the satellite")
+        after = msg("" if attempt.after_s is None else f" after {arg(attempt.after_s):.0f} s")
+        return LinkFinding(Verdict.PASS, "reached", msg(f"{arg(who)} was reached{arg(after)} over the satellite"))
     if attempt.outcome is ProbeOutcome.REFUSED_HERE:
         hint = "provision the site first: its filter differs from the inventory"
-        return LinkFinding(Verdict.FAIL, "refused-by-the-router", f"{who} is allowed, but the router refuses it", hint)
-    if attempt.window_s < WINDOW_S or attempt.probe is SatelliteProbe.UDP_COUNTER:
-        why = attempt.note or f"{attempt.window_s:.0f} s without a response are a normal gap of this link"
         return LinkFinding(
-            Verdict.INCONCLUSIVE, "silent", f"{who} did not respond: {why}", "try again later, or with a longer window"
+            Verdict.FAIL, "refused-by-the-router", msg(f"{arg(who)} is allowed, but the router refuses it"), hint
         )
-    message = f"{who} did not respond within {attempt.window_s:.0f} s over the satellite"
+    if attempt.window_s < WINDOW_S or attempt.probe is SatelliteProbe.UDP_COUNTER:
+        why = attempt.note or msg(f"{arg(attempt.window_s):.0f} s without a response are a normal gap of this link")
+        return LinkFinding(
+            Verdict.INCONCLUSIVE,
+            "silent",
+            msg(f"{arg(who)} did not respond: {arg(why)}"),
+            "try again later, or with a longer window",
+        )
+    message = msg(f"{arg(who)} did not respond within {arg(attempt.window_s):.0f} s over the satellite")
     hint = "check that the terminal is connected and that its own allow-list contains this target"
     return LinkFinding(Verdict.FAIL, "not-reached", message, hint)
 
 
 def _judge_forbidden(attempt: Attempt) -> LinkFinding:
-    who = f"{attempt.name} ({attempt.target})"
+    who = msg(f"{arg(attempt.name)} ({arg(attempt.target)})")
     if attempt.outcome is ProbeOutcome.ANSWERED:
         if attempt.filter_open:
-            message = f"{who} was reached with the router's filter open: only the router enforces the allow-list"
+            message = msg(
+                f"{arg(who)} was reached with the router's filter open: only the router enforces the allow-list"
+            )
             hint = "enter the inventory's destinations on the terminal's page"
             return LinkFinding(Verdict.WARN, "only-the-router-enforces", message, hint)
         hint = "`provision site=…` restores the filter; `provision report drift site=…` first shows what has changed"
-        return LinkFinding(Verdict.FAIL, "leak", f"{who} is not allowed, but was reached over the satellite", hint)
+        return LinkFinding(
+            Verdict.FAIL, "leak", msg(f"{arg(who)} is not allowed, but was reached over the satellite"), hint
+        )
     if attempt.outcome is ProbeOutcome.REFUSED_HERE:
-        return LinkFinding(Verdict.PASS, "refused", f"{who} is refused by the router; nothing was sent")
+        return LinkFinding(Verdict.PASS, "refused", msg(f"{arg(who)} is refused by the router; nothing was sent"))
     if attempt.filter_open and attempt.window_s < WINDOW_S:
-        message = f"{who} did not respond within {attempt.window_s:.0f} s: too short to tell a refusal from a gap"
+        message = msg(
+            f"{arg(who)} did not respond within {arg(attempt.window_s):.0f} s: too short to tell a refusal from a gap"
+        )
         return LinkFinding(Verdict.INCONCLUSIVE, "silent", message, "try again with a longer window")
     if attempt.filter_open:
-        message = f"{who} did not respond within {attempt.window_s:.0f} s with the router's filter open"
-        return LinkFinding(Verdict.PASS, "refused-beyond", f"{message}: the terminal or the network blocks it")
-    return LinkFinding(Verdict.PASS, "refused", f"{who} was not reached within {attempt.window_s:.0f} s")
+        message = msg(f"{arg(who)} did not respond within {arg(attempt.window_s):.0f} s with the router's filter open")
+        return LinkFinding(
+            Verdict.PASS, "refused-beyond", msg(f"{arg(message)}: the terminal or the network blocks it")
+        )
+    return LinkFinding(Verdict.PASS, "refused", msg(f"{arg(who)} was not reached within {arg(attempt.window_s):.0f} s"))

@@ -16,6 +16,7 @@ from enum import StrEnum
 from math import ceil
 from typing import TYPE_CHECKING, Final, Protocol
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.packets import ECHO_BYTES
 from atlantis_netcfg.links.cost import Bill, MeteredLink, bill, size
 
@@ -348,19 +349,22 @@ class StandingTraffic:
     @property
     def words(self) -> tuple[str, ...]:
         """The traffic as lines of text: `39.5 MB a day, 1186.2 MB a month …`."""
-        parts = ", ".join(f"{flow.source} {size(round(flow.both))}" for flow in self.flows)
+        parts = join(", ", (f"{flow.source} {size(round(flow.both))}" for flow in self.flows))
         price = f": {self.bill.money}" if self.link.is_metered else ""
         lines = [
-            f"{size(self.day_bytes)} per day, {size(self.month_bytes)} per month while it carries the traffic{price}"
+            msg(
+                f"{arg(size(self.day_bytes))} per day, {arg(size(self.month_bytes))} per month while it carries the "
+                f"traffic{arg(price)}"
+            )
         ]
         if self.flows:
-            lines.append(f"per day: {parts}")
+            lines.append(msg(f"per day: {arg(parts)}"))
         if self.pace:
             lines.append(self.pace)
         if self.bill.billed_bytes > self.month_bytes:
-            lines.append(f"a month is billed as {size(self.bill.billed_bytes)}, {self.bill.basis}")
+            lines.append(msg(f"a month is billed as {arg(size(self.bill.billed_bytes))}, {arg(self.bill.basis)}"))
         if self.idle_day_bytes:
-            lines.append(f"{size(self.idle_day_bytes)} per day while another link carries the traffic")
+            lines.append(msg(f"{arg(size(self.idle_day_bytes))} per day while another link carries the traffic"))
         return tuple(lines)
 
     def only(self, source: TrafficSource) -> StandingTraffic:

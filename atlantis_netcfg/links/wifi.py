@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links.status import (
     LinkFinding,
     LinkState,
@@ -181,20 +182,20 @@ def _not_registered(reading: WifiReading, settings: WifiSettings) -> LinkFinding
         return _radar(reading, settings)
     if reading.is_associated is None:
         status = f"`{reading.status}`" if reading.status else "nothing"
-        message = f"unknown whether {settings.peer} is registered: the radio's state is {status}"
+        message = msg(f"unknown whether {arg(settings.peer)} is registered: the radio's state is {arg(status)}")
         hint = "check the radio's own status page, or try again in a minute"
         return LinkFinding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
     if settings.access_point:
-        message = f"the access point is transmitting, but {settings.peer} is not registered"
-        hint = (
-            f"check that {settings.peer} is powered and points here; then compare SSID, key, protocol and channel "
+        message = msg(f"the access point is transmitting, but {arg(settings.peer)} is not registered")
+        hint = msg(
+            f"check that {arg(settings.peer)} is powered and points here; then compare SSID, key, protocol and channel "
             "at both ends; after a radar event it may take ten minutes"
         )
         return LinkFinding(Verdict.FAIL, "not-associated", message, hint)
-    message = f"the station searches for `{settings.ssid}` of {settings.peer} but does not find it"
-    hint = (
-        f"check that {settings.peer} is on and not waiting for radar; then align the antennas, and compare SSID, "
-        f"key, protocol ({settings.protocol}) and channel ({settings.frequency_mhz} MHz) at both ends"
+    message = msg(f"the station searches for `{arg(settings.ssid)}` of {arg(settings.peer)} but does not find it")
+    hint = msg(
+        f"check that {arg(settings.peer)} is on and not waiting for radar; then align the antennas, and compare SSID, "
+        f"key, protocol ({arg(settings.protocol)}) and channel ({arg(settings.frequency_mhz)} MHz) at both ends"
     )
     return LinkFinding(Verdict.FAIL, "not-associated", message, hint)
 
@@ -205,10 +206,10 @@ def _radar(reading: WifiReading, settings: WifiSettings) -> LinkFinding:
     reach = max(_HALF_CHANNEL_MHZ, settings.width_mhz - _HALF_CHANNEL_MHZ)
     long = channel - _HALF_CHANNEL_MHZ < high and channel + reach > low
     if reading.wait_left_s is not None:
-        how_long = f"{reading.wait_left_s:.0f} s left"
+        how_long = msg(f"{arg(reading.wait_left_s):.0f} s left")
     else:
-        how_long = f"up to 10 minutes at {low}-{high} MHz" if long else "60 s"
-    message = f"the radio listens for radar at {channel} MHz before it may send ({how_long})"
+        how_long = msg(f"up to 10 minutes at {arg(low)}-{arg(high)} MHz" if long else "60 s")
+    message = msg(f"the radio listens for radar at {arg(channel)} MHz before it may send ({arg(how_long)})")
     hint = "wait, then check again; if it happens often, choose another channel: radars are near ports and ships"
     return LinkFinding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
 
@@ -222,7 +223,7 @@ def _association(reading: WifiReading, settings: WifiSettings) -> Iterator[LinkF
     if peer is None:
         return
     if peer.is_authorised is False:
-        message = f"{settings.peer} is registered but not authorised: the keys differ"
+        message = msg(f"{arg(settings.peer)} is registered but not authorised: the keys differ")
         yield LinkFinding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
     yield from _levels(peer, settings)
     yield from _check_quality(reading, peer)
@@ -233,12 +234,12 @@ def _check_strangers(reading: WifiReading, settings: WifiSettings) -> Iterator[L
     strangers = [peer.radio_name or peer.mac or "somebody" for peer, is_match in by_peer if is_match is False]
     if not strangers:
         return
-    names = ", ".join(strangers)
+    names = join(", ", strangers)
     if any(is_match for _, is_match in by_peer):
-        message = f"besides {settings.peer}, {names} is registered"
+        message = msg(f"besides {arg(settings.peer)}, {arg(names)} is registered")
         yield LinkFinding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
     else:
-        message = f"registered to {names}, not to {settings.peer}"
+        message = msg(f"registered to {arg(names)}, not to {arg(settings.peer)}")
         hint = "compare SSID and key; if the radio at the other end was replaced, provision the site again"
         yield LinkFinding(Verdict.FAIL, "wrong-peer", message, hint)
 
@@ -246,18 +247,22 @@ def _check_strangers(reading: WifiReading, settings: WifiSettings) -> Iterator[L
 def _levels(peer: WifiPeer, settings: WifiSettings) -> Iterator[LinkFinding]:
     level = peer.signal_dbm
     if level is not None and level < settings.weakest_dbm:
-        message = f"the signal of {settings.peer} is {level:g} dBm, below {settings.weakest_dbm:g} dBm"
+        message = msg(
+            f"the signal of {arg(settings.peer)} is {arg(level):g} dBm, below {arg(settings.weakest_dbm):g} dBm"
+        )
         hint = "align both antennas, look for obstacles between them, and check the antenna cables"
         yield LinkFinding(Verdict.WARN, "signal-weak", message, hint)
     if level is not None and level > settings.strongest_dbm:
-        message = (
-            f"the signal of {settings.peer} is {level:g} dBm, above {settings.strongest_dbm:g} dBm: the "
+        message = msg(
+            f"the signal of {arg(settings.peer)} is {arg(level):g} dBm, above {arg(settings.strongest_dbm):g} dBm: the "
             "receiver saturates"
         )
         yield LinkFinding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
     imbalance = peer.imbalance_db
     if imbalance is not None and imbalance > IMBALANCE_DB:
-        message = f"the signals of the two chains differ by {imbalance:g} dB, more than {IMBALANCE_DB:g} dB"
+        message = msg(
+            f"the signals of the two chains differ by {arg(imbalance):g} dB, more than {arg(IMBALANCE_DB):g} dB"
+        )
         hint = "check polarisation and alignment, then the connector of the weaker chain"
         yield LinkFinding(Verdict.WARN, "chain-imbalance", message, hint)
 
@@ -267,7 +272,7 @@ def _check_quality(reading: WifiReading, peer: WifiPeer) -> Iterator[LinkFinding
     if not quality_of and reading.overall_ccq_percent is not None:
         quality_of = [reading.overall_ccq_percent]
     if quality_of and min(quality_of) < LOW_CCQ_PERCENT and reading.family is Family.WIRELESS:
-        message = f"the connection quality (CCQ) is {min(quality_of):g} %, below {LOW_CCQ_PERCENT:g} %"
+        message = msg(f"the connection quality (CCQ) is {arg(min(quality_of)):g} %, below {arg(LOW_CCQ_PERCENT):g} %")
         hint = (
             "frames are retransmitted: look for other transmitters on the channel, a signal that is too strong, "
             "or a bad connector"
@@ -275,7 +280,7 @@ def _check_quality(reading: WifiReading, peer: WifiPeer) -> Iterator[LinkFinding
         yield LinkFinding(Verdict.WARN, "ccq-low", message, hint)
     rates = [value for value in (peer.tx_rate_mbps, peer.rx_rate_mbps) if value is not None]
     if rates and min(rates) < LOW_RATE_MBPS:
-        message = f"the rate is {min(rates):g} Mbit/s, below {LOW_RATE_MBPS:g} Mbit/s"
+        message = msg(f"the rate is {arg(min(rates)):g} Mbit/s, below {arg(LOW_RATE_MBPS):g} Mbit/s")
         hint = "an idle link shows the rate of its management frames: check again while traffic flows, then align"
         yield LinkFinding(Verdict.WARN, "rate-low", message, hint)
 

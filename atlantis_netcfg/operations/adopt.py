@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.request import refuse_examples
 from atlantis_netcfg.routeros import api
@@ -94,9 +95,9 @@ class SshRoute:
                     raise ConnectionResetError("closed immediately")
         except OSError as error:
             raise ConsoleUnreachable(
-                f"{self.label}: no response on the SSH port ({error.strerror or error})",
+                f"{arg(self.label)}: no response on the SSH port ({arg(error.strerror or error)})",
                 hint="is the laptop plugged into the right port of the device, with an address of that network "
-                f"(for {self.label}: another address that begins with {self.label.rpartition('.')[0]}.)?",
+                f"(for {arg(self.label)}: another address that begins with {arg(self.label.rpartition('.')[0])}.)?",
             ) from error
         return address, port
 
@@ -114,7 +115,7 @@ class SerialRoute:
 
     def prove(self, pin: str) -> None:
         """Raise ConsoleUnreachable: there is no TLS on a serial line."""
-        raise ConsoleUnreachable(f"cannot test certificate {pin[:16]}… over {self.label}")
+        raise ConsoleUnreachable(f"cannot test certificate {arg(pin[:16])}… over {arg(self.label)}")
 
     def meet(self) -> None:
         """Do nothing: a serial line has no host key, and RouterOS does not print its own."""
@@ -196,7 +197,7 @@ class Adoption:
         outcome = self._contact(runs.NoJournal()).plan()
         if outcome.status is AdoptionStatus.ALREADY:
             return self._unchanged_result(outcome, "")
-        message = f"planned: {len(outcome.steps)} steps; the device is {outcome.standing}"
+        message = msg(f"planned: {arg(len(outcome.steps))} steps; the device is {arg(outcome.standing)}")
         return self._result(outcome, errors.ExitCode.CHANGES, message, "")
 
     def carry_out(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionResult:
@@ -217,12 +218,15 @@ class Adoption:
                 journal, _failure_status(error, has_changes=change_journal.touched), error.exit, str(error)
             )
             if failure is not None:
-                error.args = (f"{error}; {runs.NOT_RECORDED}: {failure}",)
+                error.args = (msg(f"{arg(error)}; {arg(runs.NOT_RECORDED)}: {arg(failure)}"),)
             raise
         if outcome.status is AdoptionStatus.ALREADY:
             result = self._unchanged_result(outcome, journal.run)
         else:
-            message = f"adopted: {len(outcome.steps)} steps, verified; {self.target.host} is on {self.target.port}"
+            message = msg(
+                f"adopted: {arg(len(outcome.steps))} steps, verified; {arg(self.target.host)} is on "
+                f"{arg(self.target.port)}"
+            )
             result = self._result(outcome, errors.ExitCode.DONE, message, journal.run)
         return runs.mark_unrecorded(result, self._end(journal, result.status, result.exit, result.message))
 
@@ -279,9 +283,9 @@ class Adoption:
                 and prerequisite.name not in there
                 and outcome.status is not AdoptionStatus.PLANNED
             ):
-                yield (
-                    f"certificate {prerequisite.name} is not on the device yet ({prerequisite.reason}): import it "
-                    "before you run provision"
+                yield msg(
+                    f"certificate {arg(prerequisite.name)} is not on the device yet ({arg(prerequisite.reason)}): "
+                    "import it before you run provision"
                 )
 
     def _stale(self) -> Iterator[str]:
@@ -292,7 +296,10 @@ class Adoption:
             ("host_key", self._access.host_key, pins.host_key(name)),
         ):
             if declared_pin and saved_pin and declared_pin != saved_pin:
-                yield (f"the inventory has `{key}: {declared_pin}`: change it to {saved_pin}, or the device is refused")
+                yield msg(
+                    f"the inventory has `{arg(key)}: {arg(declared_pin)}`: change it to {arg(saved_pin)}, or the "
+                    "device is refused"
+                )
 
     def _start_record(self) -> runs.RunStart:
         return runs.RunStart(
@@ -303,7 +310,7 @@ class Adoption:
             rehearsed=self.is_rehearsal,
             command=self.command,
             purpose=runs.Purpose.ADOPT,
-            by=f"{runs.LockHolder.me(self.command).user} on {socket.gethostname()}",
+            by=msg(f"{arg(runs.LockHolder.me(self.command).user)} on {arg(socket.gethostname())}"),
         )
 
     def _end(self, journal: runs.Journal, status: str, code: errors.ExitCode, message: str) -> runs.JournalError | None:
@@ -343,12 +350,12 @@ def target_of(inventory: Inventory, host: Host) -> AdoptionTarget:
     """Return the target state of a device at adoption; raise NoMatchError for kinds that the engine lacks."""
     if not is_supported(host):
         raise errors.NoMatchError(
-            f"{host.name} is a {host.device.kind.replace('_', ' ')}: only RouterOS devices can be adopted",
+            f"{arg(host.name)} is a {arg(host.device.kind.replace('_', ' '))}: only RouterOS devices can be adopted",
             hint="see the device's documentation for its setup",
         )
     managed_device = get_managed_device(inventory, host)
     access, place = managed_device.access, managed_device.place
-    desired_state = parse(managed_device.texts()[0].text, source=f"the desired text of {host.name}")
+    desired_state = parse(managed_device.texts()[0].text, source=msg(f"the desired text of {arg(host.name)}"))
     return AdoptionTarget(
         name=host.name,
         user=access.user,

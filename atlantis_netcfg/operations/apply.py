@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.core.crash_report import report_crash
 from atlantis_netcfg.core.errors import ExitCode, worst
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.processes.worker import run_until_settled
 from atlantis_netcfg.operations.common import schedule
 from atlantis_netcfg.operations.common.costs import Costs, require_consent
@@ -275,7 +276,7 @@ def _for_ansible(results: Mapping[str, Mapping[str, Any]], names: Sequence[str])
                 **here,
                 "ok": here["ok"] and there["ok"],
                 "changed": (here["changed"] or there["changed"]) and here["ok"] and there["ok"],
-                "message": f"{here['message']}; {name}: {there['message']}",
+                "message": msg(f"{arg(here['message'])}; {arg(name)}: {arg(there['message'])}"),
                 "shown": here["shown"] + there["shown"],
             }
     return {"per_host": for_hosts}
@@ -295,8 +296,8 @@ def _host_result(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
 def _diff_text(name: str, result: Mapping[str, Any]) -> str:
     """Return a device's `--diff` text: the lines that would change, then the same as drift."""
     drift = "" if result["comparison"] is None else drift_lines(result["comparison"])
-    return f"{name}:\n{result['diff']}{drift}" if result["diff"] or drift else ""
+    return msg(f"{arg(name)}:\n{arg(result['diff'])}{arg(drift)}" if result["diff"] or drift else "")
 
 
 def _message_text(result: Mapping[str, Any]) -> str:
-    return f"{result['message']} ({result['hint']})" if result["hint"] else str(result["message"])
+    return msg(f"{arg(result['message'])} ({arg(result['hint'])})") if result["hint"] else str(result["message"])

@@ -22,6 +22,7 @@ from atlantis_netcfg.computers.image.facts import ImageError
 from atlantis_netcfg.computers.image.source import checksum, expand
 from atlantis_netcfg.core import events, temporary
 from atlantis_netcfg.core.errors import NoMatchError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.operations.computers._access import key_trouble
@@ -46,7 +47,8 @@ def from_file(path: Path) -> requirements.BundleTarget:
         status = path.read_bytes()
     except OSError as error:
         raise requirements.BundleError(
-            f"cannot read {path}: {error.strerror or error}", hint=f"`status=` takes a copy of the board's {_STATUS}"
+            msg(f"cannot read {arg(path)}: {arg(error.strerror or error)}"),
+            hint=msg(f"`status=` takes a copy of the board's {arg(_STATUS)}"),
         ) from error
     return requirements.read_target(status, str(path))
 
@@ -54,7 +56,7 @@ def from_file(path: Path) -> requirements.BundleTarget:
 def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> requirements.BundleTarget:
     """Read the dpkg status from the vendor's image of the host's card; raise BundleError or ImageError."""
     if not image.is_file():
-        raise ImageError(f"{image} is not a file", hint="`image=` takes the vendor's image, like x.img.xz")
+        raise ImageError(f"{arg(image)} is not a file", hint="`image=` takes the vendor's image, like x.img.xz")
     ext4.require_tools("e2fsck", "debugfs")
     device = host.device
     layout = (
@@ -70,7 +72,7 @@ def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> req
         status = root.read(_STATUS)
     if status is None:
         raise requirements.BundleError(
-            f"{image} does not contain {_STATUS}", hint="bundles support only Debian and Ubuntu"
+            msg(f"{arg(image)} does not contain {arg(_STATUS)}"), hint="bundles support only Debian and Ubuntu"
         )
     return requirements.read_target(status, image.name)
 
@@ -80,19 +82,21 @@ def from_board(inventory: Inventory, host: Host, request: Request) -> requiremen
     access = PARTS[ACCESS](inventory, host, request)
     others = "give its package list with `status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE`"
     if access.get("metered"):
-        raise requirements.BundleError(f"{host.name} is reached over metered link {access['metered']}", hint=others)
+        raise requirements.BundleError(
+            msg(f"{arg(host.name)} is reached over metered link {arg(access['metered'])}"), hint=others
+        )
     options = ["-o", "BatchMode=yes", "-o", "ConnectTimeout=120", "-p", str(access["port"])]
     words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _READ_STATUS]
     process = manifest.run(["ssh", *words])
     if process.returncode != 0:
         text = process.stderr.decode(errors="replace").strip()
         why, hint = key_trouble(host.name, text) or (text.splitlines()[-1] if text else "no message", others)
-        raise requirements.BundleError(f"cannot read the package list of {host.name}: {why}", hint=hint)
+        raise requirements.BundleError(msg(f"cannot read the package list of {arg(host.name)}: {arg(why)}"), hint=hint)
     try:
         status = gzip.decompress(process.stdout)
     except (OSError, EOFError, zlib.error) as error:
         raise requirements.BundleError(
-            f"{host.name}: its response was truncated", hint="run the same command again"
+            msg(f"{arg(host.name)}: its response was truncated"), hint="run the same command again"
         ) from error
     return requirements.read_target(status, f"{host.name}:{_STATUS}")
 
@@ -103,9 +107,9 @@ def bundle_hosts(pilot_inventory: Inventory, site: str, only: Sequence[str] = ()
         host for host in inventory.choose(pilot_inventory, site, only) if isinstance(host.device, model.SiteComputer)
     )
     if not hosts:
-        scope = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
+        scope = join(", ", (f"`{name}`" for name in only)) or msg(f"site `{arg(site)}`")
         raise NoMatchError(
-            f"{scope}: no gateway, control centre or operator station is selected, and bundles are only for these",
+            f"{arg(scope)}: no gateway, control centre or operator station is selected, and bundles are only for these",
             hint="see the hosts of groups `gateways`, `control_centres` and `operator_stations`",
         )
     return hosts
@@ -254,7 +258,13 @@ def open_for_hosts(
 def _purpose(bundle_request: BundleRequest, host: Host, notify: events.Subscriber) -> build.BundlePurpose:
     request = host_requirements(bundle_request.inventory, host, bundle_request.request, tokens=True)
     target = _target(bundle_request, host, notify)
-    notify(events.Event(host.name, events.Stage.OBSERVED, f"{target.title}, {len(target.installed_packages)} packages"))
+    notify(
+        events.Event(
+            host.name,
+            events.Stage.OBSERVED,
+            msg(f"{arg(target.title)}, {arg(len(target.installed_packages))} packages"),
+        )
+    )
     missing = any(not each.fits(target.installed_packages.get(each.name)) for each in request.packages)
     return build.BundlePurpose(
         request, target, archive(target, bundle_request.mirror, bundle_request.keyring) if missing else None
@@ -266,7 +276,7 @@ def _target(bundle_request: BundleRequest, host: Host, notify: events.Subscriber
         return from_file(bundle_request.status)
     if bundle_request.image is not None:
         name = bundle_request.image.name
-        notify(events.Event(host.name, events.Stage.CONNECTING, f"reading {name}"))
+        notify(events.Event(host.name, events.Stage.CONNECTING, msg(f"reading {arg(name)}")))
         return from_image(host, bundle_request.image, lambda _count, _total: None)
     notify(events.Event(host.name, events.Stage.CONNECTING, "reading the package list"))
     return from_board(bundle_request.inventory, host, bundle_request.request)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import Inventory, load, model
 from atlantis_netcfg.inventory.new_inventory.yaml_text import document
 from atlantis_netcfg.inventory.robots.reading import FOLDER
@@ -92,7 +93,7 @@ def with_guest(text: str | None, entry: GuestEntry) -> str:
         return result
     lines = result.partition("\nguests:\n")[2]
     start = text if re.search(r"^guests:", text, re.MULTILINE) else f"{text.rstrip()}\n---\nguests:\n"
-    return f"{start.rstrip()}\n{lines}"
+    return msg(f"{arg(start.rstrip())}\n{arg(lines)}")
 
 
 def without_guest(text: str, name: str) -> str | None:
@@ -102,7 +103,7 @@ def without_guest(text: str, name: str) -> str | None:
     first = next((number for number, line in enumerate(lines) if key.fullmatch(line.rstrip("\n"))), None)
     if first is None:
         raise errors.UsageError(
-            f"`{name}` is not written in {FILE} as this command writes it", hint="remove it by hand"
+            f"`{arg(name)}` is not written in {arg(FILE)} as this command writes it", hint="remove it by hand"
         )
     last = next((number for number in range(first + 1, len(lines)) if re.match(r" {0,2}\S", lines[number])), len(lines))
     remaining_text = "".join([*lines[:first], *lines[last:]])
@@ -115,7 +116,7 @@ def declared_guest(inventory: Inventory, name: str) -> model.Guest | None:
     if result is None or isinstance(result, model.Guest):
         return result
     hint = "remove it by hand: these commands edit only guests.yml"
-    raise errors.UsageError(f"`{name}` is in vehicles.yml, and is not a guest of this command", hint=hint)
+    raise errors.UsageError(f"`{arg(name)}` is in vehicles.yml, and is not a guest of this command", hint=hint)
 
 
 def robot_file(root: Path, name: str) -> Path:
@@ -133,8 +134,8 @@ def unknown(inventory: Inventory, name: str) -> errors.NoMatchError:
     """Return the error for a guest that does not exist."""
     guests = [key for key, vehicle in inventory.vehicles.items() if isinstance(vehicle, model.Guest)]
     near = errors.nearest(name, guests)
-    hint = f"did you mean `{near}`?" if near else f"guests: {', '.join(guests) or 'none'}"
-    return errors.NoMatchError(f"no such guest: `{name}`", hint=hint)
+    hint = msg(f"did you mean `{arg(near)}`?" if near else f"guests: {arg(join(', ', guests) or 'none')}")
+    return errors.NoMatchError(f"no such guest: `{arg(name)}`", hint=hint)
 
 
 def remove_packages(authority: Authority, members: Sequence[Member]) -> None:
@@ -148,12 +149,12 @@ def left_over(root: Path, authority: Authority, name: str) -> tuple[str, ...]:
     """Return what remains of a removed guest, as text, read again from inventory and record."""
     leftovers = []
     if name in load(root).vehicles:
-        leftovers.append(f"`{name}` is still in {FILE}")
+        leftovers.append(msg(f"`{arg(name)}` is still in {arg(FILE)}"))
     if (robot := robot_file(root, name)).exists():
-        leftovers.append(f"{robot} still exists")
+        leftovers.append(msg(f"{arg(robot)} still exists"))
     for member in members_of(authority, name):
         if member.good:
-            leftovers.append(f"`{member.name}` still has a valid certificate")
+            leftovers.append(msg(f"`{arg(member.name)}` still has a valid certificate"))
         places = [authority.folder / "handouts" / item.common_name for item in member.certificates]
-        leftovers += [f"{place} still exists" for place in places if place.exists()]
+        leftovers += [msg(f"{arg(place)} still exists") for place in places if place.exists()]
     return tuple(leftovers)

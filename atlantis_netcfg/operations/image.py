@@ -21,6 +21,7 @@ from atlantis_netcfg.computers.image import ext4, facts, writer
 from atlantis_netcfg.computers.image.plan import customise
 from atlantis_netcfg.computers.image.source import SourceKind, UnpackedImage, checksum, expand, segments
 from atlantis_netcfg.core import errors, events, paths, temporary
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.runs import Store, write_atomically
 
@@ -84,13 +85,13 @@ def _image_of(host: Host) -> tuple[model.SiteComputer, model.Image]:
     device = host.device
     if not isinstance(device, model.SiteComputer):
         raise errors.UsageError(
-            f"`{host.name}` is a {device.kind.replace('_', ' ')}; cards are only for gateways, control centres and "
-            "operator stations",
+            f"`{arg(host.name)}` is a {arg(device.kind.replace('_', ' '))}; cards are only for gateways, control "
+            "centres and operator stations",
             hint="give a host of group `gateways`, `control_centres` or `operator_stations`",
         )
     if device.image is None:
         raise errors.UsageError(
-            f"host_vars/{host.name}.yml has no image settings for `{host.name}`",
+            f"host_vars/{arg(host.name)}.yml has no image settings for `{arg(host.name)}`",
             hint="add `image: {layout: odroid-n2, ssh_keys: [ssh-ed25519 …]}` to its `device`",
         )
     return device, device.image
@@ -150,7 +151,7 @@ class ImageOrder:
         layout_of(self.host)
         if not self.image.is_file():
             raise facts.ImageError(
-                f"{self.image} is not a file", hint="`from=` takes the vendor's image, like x.img.xz"
+                f"{arg(self.image)} is not a file", hint="`from=` takes the vendor's image, like x.img.xz"
             )
         checksum(self.image, self.sha256)
         ext4.require_tools(*ext4.PROGRAMS)
@@ -193,10 +194,10 @@ class MadeImage:
                 file.hardlink_to(whole)
         except FileExistsError:
             raise errors.UsageError(
-                f"{file} already exists", hint="give a new file name, or remove the existing file"
+                f"{arg(file)} already exists", hint="give a new file name, or remove the existing file"
             ) from None
         except OSError as error:
-            raise errors.UsageError(f"cannot write {file}: {error.strerror}") from error
+            raise errors.UsageError(f"cannot write {arg(file)}: {arg(error.strerror)}") from error
         return self.image.size
 
     def _tell(self, progress: writer.Progress) -> None:
@@ -209,7 +210,7 @@ def prepare_image(order: ImageOrder, notify: events.Subscriber) -> Iterator[Made
     place = temporary.large_temp_dir()
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
         raise errors.UsageError(
-            f"cannot use {place} as working directory", hint="set TMPDIR: a directory without spaces in its name"
+            f"cannot use {arg(place)} as working directory", hint="set TMPDIR: a directory without spaces in its name"
         )
     name = order.host.name
     with temporary.folder("image", place) as folder:
@@ -217,7 +218,7 @@ def prepare_image(order: ImageOrder, notify: events.Subscriber) -> Iterator[Made
             ready = _make(order, folder, notify)
         except KeyboardInterrupt as error:
             raise ImageInterruptError(
-                f"interrupted while the image of {name} was being made: no card was written"
+                f"interrupted while the image of {arg(name)} was being made: no card was written"
             ) from error
         yield ready
 
@@ -230,7 +231,7 @@ def _make(order: ImageOrder, folder: Path, notify: events.Subscriber) -> MadeIma
     notes = customise(image.path, layout_of(order.host), wish_of(order.inventory, order.host, source))
     notify(events.Event(name, events.Stage.PLANNED, "customised, and every change read back"))
     if not image.told_by:
-        notes = (f"the checksum of {order.image.name} was not confirmed: {image.sha256}", *notes)
+        notes = (msg(f"the checksum of {arg(order.image.name)} was not confirmed: {arg(image.sha256)}"), *notes)
     return MadeImage(order, image, notes, notify)
 
 

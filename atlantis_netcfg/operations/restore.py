@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NoMatchError, nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import _items, snapshot
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -49,8 +50,8 @@ def for_any_box(saved_state: _items.DesiredState) -> _items.DesiredState:
 def _newer(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> tuple[str, ...]:
     """Return a note on menus that the inventory has by now and the saved state does not."""
     menus = [MENUS[path] for path in desired_state.menus if path not in saved_state.items]
-    titles = ", ".join(menu.title for menu in menus if menu.is_exported and not menu.readonly)
-    return (f"not in the saved state and left unchanged: {titles}",) if titles else ()
+    titles = join(", ", (menu.title for menu in menus if menu.is_exported and not menu.readonly))
+    return (msg(f"not in the saved state and left unchanged: {arg(titles)}"),) if titles else ()
 
 
 def _mark_unit_values_unknown(item: RowItem) -> RowItem:
@@ -91,10 +92,10 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
     latest = {store: states for store in stores if (states := store.last_confirmed(host.site, (host.name,)))}
     if not latest:
         raise NoMatchError(
-            f"no run has confirmed a state of {host.name}",
+            f"no run has confirmed a state of {arg(host.name)}",
             hint=(
-                f"`provision site={host.site}` stores the verified state at its end; `provision report runs` lists "
-                "all runs"
+                f"`provision site={arg(host.site)}` stores the verified state at its end; `provision report runs` "
+                "lists all runs"
             ),
         )
     store = next(iter(latest))
@@ -103,22 +104,22 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
     if saved_state is None:
         run_ids = [item.id for item in store.runs(host.site) if item.confirmed_state(host.name) is not None]
         near = nearest(run, [*run_ids, LATEST])
-        choices = f"runs with a state: {', '.join(run_ids[-_MAX_RUNS:])}; or type `run={LATEST}`"
+        choices = msg(f"runs with a state: {arg(join(', ', run_ids[-_MAX_RUNS:]))}; or type `run={arg(LATEST)}`")
         raise NoMatchError(
-            f"run {run} has confirmed no state of {host.name}",
-            hint=f"did you mean `run={near}`? {choices}" if near else choices,
+            f"run {arg(run)} has confirmed no state of {arg(host.name)}",
+            hint=f"did you mean `run={arg(near)}`? {arg(choices)}" if near else choices,
         )
     if run == LATEST and (damage := store.damage_since(host.site, saved_state.run)):
         raise runs.DamagedStateError(
-            f"{damage}; a later state of {host.name} may be lost",
-            hint=f"to use the last readable one, type `run={saved_state.run}`",
+            f"{arg(damage)}; a later state of {arg(host.name)} may be lost",
+            hint=f"to use the last readable one, type `run={arg(saved_state.run)}`",
         )
     return saved_state
 
 
 def read_replacement(saved_state: runs.SavedState, desired_state: DesiredState) -> DesiredState:
     """Parse a confirmed state as the desired state of a replacement; raise DamagedStateError or RscError."""
-    replacement = snapshot.read(saved_state.text(), f"the state that run {saved_state.run} confirmed")
+    replacement = snapshot.read(saved_state.text(), msg(f"the state that run {arg(saved_state.run)} confirmed"))
     return for_replacement(replacement, desired_state)
 
 

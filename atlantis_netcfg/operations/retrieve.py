@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.computers.retrieval import PROGRAM, line_for_robot, sources_of
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.cost import Bill, Preview, bill, preview, size
 from atlantis_netcfg.operations.common.session_link import FAST_S, site_link_of
@@ -75,29 +76,29 @@ def source_at(inventory: Inventory, site: str, name: str | None) -> tuple[Source
         )
     if site not in inventory.sites:
         near = errors.nearest(site, inventory.sites)
-        site_names = f"sites: {', '.join(inventory.sites)}"
+        site_names = msg(f"sites: {arg(join(', ', inventory.sites))}")
         raise errors.UsageError(
-            f"`site={site}`: recordings are retrieved from one site at a time",
-            hint=f"did you mean `site={near}`? {site_names}" if near else site_names,
+            f"`site={arg(site)}`: recordings are retrieved from one site at a time",
+            hint=f"did you mean `site={arg(near)}`? {arg(site_names)}" if near else site_names,
         )
     sources = {
         source.name: source for host in inventory.site_hosts(site) for source in sources_of(inventory, host.name)
     }
     if not sources:
         raise errors.NoMatchError(
-            f"the inventory has no recordings of {site} to retrieve",
+            f"the inventory has no recordings of {arg(site)} to retrieve",
             hint="add one of its gateways to `retrieval.sources` in group_vars/all/pilot.yml",
         )
-    choices = f"choose one of these: {', '.join(f'`from={each}`' for each in sources)}"
+    choices = msg(f"choose one of these: {arg(join(', ', (f'`from={each}`' for each in sources)))}")
     if name is None and len(sources) > 1:
-        raise errors.UsageError(f"{site} has recordings of several computers", hint=choices)
+        raise errors.UsageError(f"{arg(site)} has recordings of several computers", hint=choices)
     source_name = next(iter(sources)) if name is None else name
     source = sources.get(source_name)
     if source is None:
         near = errors.nearest(source_name, sources)
         raise errors.UsageError(
-            f"`from={source_name}`: the inventory has no recordings of it at {site}",
-            hint=f"did you mean `from={near}`? {choices}" if near else choices,
+            f"`from={arg(source_name)}`: the inventory has no recordings of it at {arg(site)}",
+            hint=f"did you mean `from={arg(near)}`? {arg(choices)}" if near else choices,
         )
     return source, inventory.hosts[source.host]
 
@@ -133,10 +134,15 @@ class RobotLook:
     def lines(self) -> list[str]:
         """Return the lines to show before a transfer."""
         if self.state != "answers":
-            return [f"{self.name} was not searched: {self.why}"]
+            return [msg(f"{arg(self.name)} was not searched: {arg(self.why)}")]
         if not self.files:
             return []
-        return [f"{_files(self.files)} on {self.name}, {size(self.bytes)}: {self.gateway} collects these first"]
+        return [
+            msg(
+                f"{arg(_files(self.files))} on {arg(self.name)}, {arg(size(self.bytes))}: {arg(self.gateway)} collects "
+                "these first"
+            )
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON-able data."""
@@ -218,14 +224,17 @@ class RetrievalPlan:
 
     def lines(self) -> list[str]:
         """Return the lines to show before the start."""
-        rate = f"{self.rate_bps / 1000:.0f} kbit/s"
+        rate = msg(f"{arg(self.rate_bps / 1000):.0f} kbit/s")
         share = f"{SHARES[self.priority]:.0%}".replace("%", " %")
         return [
-            f"{_files(self.files)} to send, {size(int(self.look['bytes']))}",
+            msg(f"{arg(_files(self.files))} to send, {arg(size(int(self.look['bytes'])))}"),
             *(self.robot.lines() if self.robot is not None else ()),
             *left_out(self.look),
-            f"{self.cost.words}, at least {duration(self.seconds)}",
-            f"at {rate}: priority {self.priority.value} uses {share} of the rate of {self.link.name} in the inventory",
+            msg(f"{arg(self.cost.words)}, at least {arg(duration(self.seconds))}"),
+            msg(
+                f"at {arg(rate)}: priority {arg(self.priority.value)} uses {arg(share)} of the rate of "
+                f"{arg(self.link.name)} in the inventory"
+            ),
         ]
 
     def as_dict(self) -> dict[str, Any]:
@@ -314,24 +323,36 @@ class RetrievalStatus:
             collected_files, files = self.answer.get("collected", 0), _files(int(self.answer.get("collect", 0)))
             why = f": {self.answer['why']}" if self.answer.get("why") else ""
             here = size(int(self.answer.get("collected_bytes", 0)))
-            return f"collecting from {self.source}, {collected_files} of {files}, {here} on the gateway{why}"
+            return msg(
+                f"collecting from {arg(self.source)}, {arg(collected_files)} of {arg(files)}, {arg(here)} on the "
+                f"gateway{arg(why)}"
+            )
         wire, files = size(int(self.answer["wire_bytes"])), self.answer.get("files", 0)
-        over = f" over {self.answer['link']}" if "link" in self.answer else ""
+        over = msg(f" over {arg(self.answer['link'])}" if "link" in self.answer else "")
         cost = f", {self.total_cost.money}" if self.link is not None and self.link.is_metered else ""
-        of = f"{self.answer.get('arrived', 0)} of {_files(files)} complete, {wire} sent{over}{cost}"
-        return f"waiting for the control centre, {of}: {self.answer.get('why')}" if self.state == "waiting" else of
+        of = msg(
+            f"{arg(self.answer.get('arrived', 0))} of {arg(_files(files))} complete, {arg(wire)} "
+            f"sent{arg(over)}{arg(cost)}"
+        )
+        return (
+            msg(f"waiting for the control centre, {arg(of)}: {arg(self.answer.get('why'))}")
+            if self.state == "waiting"
+            else of
+        )
 
     def lines(self, site: str) -> list[str]:
         """Return the status as lines of text."""
-        again = f"`provision robot retrieve site={site} from={self.source}` continues, and sends nothing twice"
+        again = msg(
+            f"`provision robot retrieve site={arg(site)} from={arg(self.source)}` continues, and sends nothing twice"
+        )
         closing = {
             "none": ["nothing was retrieved from here yet"],
-            "sending": [f"in progress: {self.progress()}"],
-            "collecting": [f"in progress: {self.progress()}"],
+            "sending": [msg(f"in progress: {arg(self.progress())}")],
+            "collecting": [msg(f"in progress: {arg(self.progress())}")],
             "waiting": [self.progress()],
             "stopped": ["stopped; received files stay at the control centre", again],
             "spent": ["ended: the accepted amount was sent", again],
-            "failed": [f"failed: {self.answer.get('why') or 'files differ between the two ends'}", again],
+            "failed": [msg(f"failed: {arg(self.answer.get('why') or 'files differ between the two ends')}"), again],
             "lost": ["ended without notice: the gateway was switched off, or its program failed", again],
         }
         if self.state != "done":
@@ -342,21 +363,26 @@ class RetrievalStatus:
             if self.link is not None and self.link.is_metered
             else size(self.total_cost.payload_bytes)
         )
-        same = f"{_files(arrived_files)}: the same SHA-256 at both ends"
-        return [same, *self._left_lines(), f"{cost} over {self.answer['link']}"]
+        same = msg(f"{arg(_files(arrived_files))}: the same SHA-256 at both ends")
+        return [same, *self._left_lines(), msg(f"{arg(cost)} over {arg(self.answer['link'])}")]
 
     def _left_lines(self) -> list[str]:
         words = {
             "changed": "changed while being sent: run the same command again when it is no longer being written",
             "gone": "no longer exists",
             "differ": "differs at the control centre although it was sent again: check both disks",
-            "unread": f"could not be read on {self.source}, or no longer exists",
-            "robot": f"is still on {self.source}: {self.answer.get('why') or 'not collected'}",
+            "unread": msg(f"could not be read on {arg(self.source)}, or no longer exists"),
+            "robot": msg(f"is still on {arg(self.source)}: {arg(self.answer.get('why') or 'not collected')}"),
         }
-        problems = [f"{path}: no longer the same at the control centre" for path in self.answer.get("lost", ())]
+        problems = [
+            msg(f"{arg(path)}: no longer the same at the control centre") for path in self.answer.get("lost", ())
+        ]
         if self.answer.get("unseen"):
-            problems.append(f"{self.source} was not searched: {self.answer['unseen']}")
-        return [*problems, *(f"{path}: {words[name]}" for name, paths in self.missing_files.items() for path in paths)]
+            problems.append(msg(f"{arg(self.source)} was not searched: {arg(self.answer['unseen'])}"))
+        return [
+            *problems,
+            *(msg(f"{arg(path)}: {arg(words[name])}") for name, paths in self.missing_files.items() for path in paths),
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON-able data."""
@@ -398,7 +424,7 @@ class RetrievalProgram:
         answer = self._ask("look", selection.as_dict())
         if not answer["folder"]:
             raise errors.DeviceError(
-                f"{self.host.name} has no such folder: {answer['place']}",
+                f"{arg(self.host.name)} has no such folder: {arg(answer['place'])}",
                 hint="`retrieval.sources` in group_vars/all/pilot.yml sets the folder of the recordings",
             )
         self._refuse_robot(answer)
@@ -411,21 +437,26 @@ class RetrievalProgram:
             return
         if robot.state == "away" and not answer["files"]:
             hint = "switch it on, connect it to the gateway's LAN, and run the same command again"
-            raise errors.DeviceError(f"nothing was collected: {robot.why}", hint=hint)
+            raise errors.DeviceError(f"nothing was collected: {arg(robot.why)}", hint=hint)
         if robot.state == "refused":
             kind = answer["robot"]["kind"]
             line = line_for_robot(self._declaration, source)
-            admit = f"ask its owner to install rsync, and to add this line to authorized_keys of {source.user}: {line}"
-            trust = f"if it is the robot: set its new key as `host_key` of {robot.name} in `retrieval.robots`"
-            hints = {"key": admit, "program": admit, "host_key": trust}
-            account = (
-                f"allow {source.user} to read all of {source.folder} on {robot.name}, then run the same command again"
+            admit = msg(
+                f"ask its owner to install rsync, and to add this line to authorized_keys of {arg(source.user)}: "
+                f"{arg(line)}"
             )
-            raise errors.DeviceError(f"nothing was collected: {robot.why}", hint=hints.get(kind, account))
+            trust = msg(f"if it is the robot: set its new key as `host_key` of {arg(robot.name)} in `retrieval.robots`")
+            hints = {"key": admit, "program": admit, "host_key": trust}
+            account = msg(
+                f"allow {arg(source.user)} to read all of {arg(source.folder)} on {arg(robot.name)}, then run the same "
+                "command again"
+            )
+            raise errors.DeviceError(f"nothing was collected: {arg(robot.why)}", hint=hints.get(kind, account))
         if robot.lacking:
             hint = "select fewer files with `files=`, or raise its `budget_mb` in `retrieval.robots`"
             raise errors.DeviceError(
-                f"{size(robot.lacking)} more free space is needed on {robot.gateway} for {robot.name}", hint=hint
+                f"{arg(size(robot.lacking))} more free space is needed on {arg(robot.gateway)} for {arg(robot.name)}",
+                hint=hint,
             )
 
     def start(self, job: Mapping[str, Any]) -> None:
@@ -435,7 +466,7 @@ class RetrievalProgram:
             answer = self._ask("start", job)
         except GatewayAway as error:
             raise BeginningUnknown(
-                f"unknown whether {name} has started: {error}", hint=shown_by(self.host, self.source)
+                f"unknown whether {arg(name)} has started: {arg(error)}", hint=shown_by(self.host, self.source)
             ) from None
         if (why := answer.get("error")) is None:
             return
@@ -443,13 +474,15 @@ class RetrievalProgram:
             "running": "a transfer is already running there",
             "more": "there is more to send than was checked",
             "nothing": "there is nothing left to send",
-            "robot": f"{self.source.name} no longer responds"
-            if answer.get("why")
-            else f"{self.source.name} responds now",
-            "unit": f"its unit does not start: {answer.get('why')}",
+            "robot": msg(
+                f"{arg(self.source.name)} no longer responds"
+                if answer.get("why")
+                else f"{arg(self.source.name)} responds now"
+            ),
+            "unit": msg(f"its unit does not start: {arg(answer.get('why'))}"),
         }
         hint = shown_by(self.host, self.source) if why == "running" else "run the same command again"
-        raise NotBegun(f"{name} does not start: {words[why]}", hint=hint)
+        raise NotBegun(f"{arg(name)} does not start: {arg(words[why])}", hint=hint)
 
     def status(self) -> RetrievalStatus:
         """Return the transfer's status; raise GatewayAway."""
@@ -460,7 +493,7 @@ class RetrievalProgram:
         answer = self._ask("stop", {})
         if "error" in answer:
             raise errors.DeviceError(
-                f"{self.host.name} does not stop: {answer.get('why')}", hint="run the same command again"
+                f"{arg(self.host.name)} does not stop: {arg(answer.get('why'))}", hint="run the same command again"
             )
         return self._status(answer)
 
@@ -483,16 +516,18 @@ class RetrievalProgram:
             )
         except subprocess.TimeoutExpired:
             raise GatewayAway(
-                f"{name} did not respond within {_ANSWER_S:.0f} s", hint="run the same command again"
+                f"{arg(name)} did not respond within {arg(_ANSWER_S):.0f} s", hint="run the same command again"
             ) from None
         except OSError as error:
-            raise GatewayAway(f"{name} is unreachable: {error}", hint="install the OpenSSH client") from None
+            raise GatewayAway(f"{arg(name)} is unreachable: {arg(error)}", hint="install the OpenSSH client") from None
         if process.returncode:
             raise self._failure(process.stderr)
         try:
             answer: dict[str, Any] = json.loads(process.stdout.strip().rpartition("\n")[2])
         except ValueError:
-            raise GatewayAway(f"the response of {name} was incomplete", hint="run the same command again") from None
+            raise GatewayAway(
+                f"the response of {arg(name)} was incomplete", hint="run the same command again"
+            ) from None
         if answer.get("source") != self.source.name:
             raise self._not_set_up()
         return answer
@@ -501,10 +536,10 @@ class RetrievalProgram:
         retrieval, name = self._declaration.pilot.retrieval, self.host.name
         centre = self.host if retrieval is None else self._declaration.hosts[retrieval.to]
         return errors.DeviceError(
-            f"{name} is not set up for this",
+            f"{arg(name)} is not set up for this",
             hint=(
-                f"run `provision site={self.host.site} device={name}` and `provision site={centre.site} "
-                f"device={centre.name}`"
+                f"run `provision site={arg(self.host.site)} device={arg(name)}` and `provision site={arg(centre.site)} "
+                f"device={arg(centre.name)}`"
             ),
         )
 
@@ -513,17 +548,20 @@ class RetrievalProgram:
         if _NO_PROGRAM in text or "are declared" in text:
             return self._not_set_up()
         if (trouble := key_trouble(name, text)) is not None:
-            return GatewayAway(f"{name} was not reached: {trouble[0]}", hint=trouble[1])
+            return GatewayAway(f"{arg(name)} was not reached: {arg(trouble[0])}", hint=trouble[1])
         last = text.strip().rpartition("\n")[2] or "ssh said nothing"
         return GatewayAway(
-            f"{name} was not reached: {last}",
+            f"{arg(name)} was not reached: {arg(last)}",
             hint="check its power and your connection to it, then run the same command again",
         )
 
 
 def shown_by(host: Host, source: Source) -> str:
     """Return the hint on how to show or stop the transfer."""
-    return f"`provision robot retrieve site={host.site} from={source.name} status` shows it, `stop` instead ends it"
+    return msg(
+        f"`provision robot retrieve site={arg(host.site)} from={arg(source.name)} status` shows it, `stop` instead "
+        "ends it"
+    )
 
 
 def new_number() -> str:
@@ -537,22 +575,22 @@ def duration(seconds: float) -> str:
         return f"{max(1, math.ceil(seconds))} s"
     minutes = math.ceil(seconds / 60)
     hours, rest = divmod(minutes, 60)
-    return f"{minutes} min" if not hours else f"{hours} h {rest} min"
+    return msg(f"{arg(minutes)} min" if not hours else f"{arg(hours)} h {arg(rest)} min")
 
 
 _LONG_S: Final = 120
 
 
 def _files(count: int) -> str:
-    return f"{count} file" if count == 1 else f"{count} files"
+    return msg(f"{arg(count)} file" if count == 1 else f"{arg(count)} files")
 
 
 def left_out(look: Mapping[str, Any]) -> list[str]:
     """Return which files are not sent, and why."""
     words = (
-        ("compared", "{} of them retrieved earlier, to be compared again"),
-        ("kept", "{} retrieved earlier"),
-        ("writing", "{} skipped: written less than a minute ago"),
-        ("unnamed", "{} skipped: the name is not printable text"),
+        ("compared", "{files} of them retrieved earlier, to be compared again"),
+        ("kept", "{files} retrieved earlier"),
+        ("writing", "{files} skipped: written less than a minute ago"),
+        ("unnamed", "{files} skipped: the name is not printable text"),
     )
-    return [text.format(_files(look[name])) for name, text in words if look.get(name)]
+    return [msg(text.format(files=arg(_files(look[name])))) for name, text in words if look.get(name)]

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.computers.retrieval import PROGRAM, retrieval
 from atlantis_netcfg.core import errors, temporary
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator import ssh
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayLink
 from atlantis_netcfg.inventory import model
@@ -40,7 +41,10 @@ GAP_S: Final = 20.0
 SILENCE_S: Final = 3
 """Maximum silence of a connection in seconds, instead of 120 s."""
 NOT_REHEARSED: Final = (
-    f"an outage of 70 s: the link is cut until the connection is lost, which takes up to {SILENCE_S} s here, not 120 s",
+    msg(
+        f"an outage of 70 s: the link is cut until the connection is lost, which takes up to {arg(SILENCE_S)} s here, "
+        "not 120 s"
+    ),
     "SSH with keys and accounts, and the VPN: the two programs are connected without them",
     "the router, and a change of link meanwhile; the link behaves as set under `rate`",
     "reaching the link's data limit, systemd, a restart of the gateway, a full disk",
@@ -63,7 +67,7 @@ def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None
     centre = _first_vpn_host(inventory.hosts.values(), model.ControlCentre)
     if gateway is None or centre is None:
         raise errors.NoMatchError(
-            f"{site} has no gateway in the VPN, or the pilot has no control centre there",
+            f"{arg(site)} has no gateway in the VPN, or the pilot has no control centre there",
             hint="docs/gateways.md describes the requirements for transferring recordings",
         )
     hosts = dict(inventory.hosts)
@@ -74,7 +78,9 @@ def with_example(inventory: Inventory, site: str) -> tuple[Inventory, str | None
         hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh_settings}))
     example = model.Retrieval.model_validate({"to": centre, "budget_mb": 1000, "sources": [{"host": gateway}]})
     pilot = inventory.pilot.model_copy(update={"retrieval": example})
-    words = f"the inventory has no recordings to retrieve: this is an example, from {gateway} to {centre}"
+    words = msg(
+        f"the inventory has no recordings to retrieve: this is an example, from {arg(gateway)} to {arg(centre)}"
+    )
     return replace(inventory, hosts=hosts, pilot=pilot), words
 
 
@@ -132,11 +138,14 @@ class RehearsedTransfer:
         seconds = f"{self.cut_s:.0f}"
         cut = "the link was not interrupted"
         if self.cut_s:
-            cut = f"the link was interrupted for {seconds} s, and the connection survived"
+            cut = msg(f"the link was interrupted for {arg(seconds)} s, and the connection survived")
         if self.is_lost:
-            cut = f"the link was interrupted for {seconds} s, and the connection was lost"
+            cut = msg(f"the link was interrupted for {arg(seconds)} s, and the connection was lost")
         return [
-            f"{size(self.sent_bytes)} were sent over the emulated link for {size(self.recorded_bytes)} of recordings",
+            msg(
+                f"{arg(size(self.sent_bytes))} were sent over the emulated link for {arg(size(self.recorded_bytes))} "
+                "of recordings"
+            ),
             cut,
             "this computer compared both folders: they are identical"
             if same

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.lte import rutos_client
 from atlantis_netcfg.operations.common.jobs import endpoint_of
@@ -126,16 +127,17 @@ class TrustedComputer:
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             raise DeviceError(
-                f"{self.host.name} is unreachable: {error}", hint="is the OpenSSH client installed here?"
+                f"{arg(self.host.name)} is unreachable: {arg(error)}", hint="is the OpenSSH client installed here?"
             ) from error
         if "IDENTIFICATION HAS CHANGED" in process.stderr:
             return KeyState.MISMATCH
         if "Host key verification failed" in process.stderr:
             return KeyState.UNKNOWN
         if process.returncode and "Permission denied" not in process.stderr:
-            last = (process.stderr.strip() or f"exit {process.returncode}").splitlines()[-1]
+            last = (process.stderr.strip() or msg(f"exit {arg(process.returncode)}")).splitlines()[-1]
             raise DeviceError(
-                f"{self.host.name} was not reached: {last}", hint="check its power and its cable, then try again"
+                f"{arg(self.host.name)} was not reached: {arg(last)}",
+                hint="check its power and its cable, then try again",
             )
         return KeyState.MATCH
 

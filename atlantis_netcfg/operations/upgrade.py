@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.core import errors, events
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.links.cost import MeteredLink, Preview, preview
@@ -62,13 +63,17 @@ class Upgrading:
 
     async def look(self) -> tuple[SeenPackages, Upgrade]:
         """Read the device and plan the upgrade without changes; raise UpgradeError or a session's errors."""
-        self._say(events.Stage.CONNECTING, f"to {self.endpoint}")
+        self._say(events.Stage.CONNECTING, msg(f"to {arg(self.endpoint)}"))
         observation = await look(self.endpoint)
-        self._say(events.Stage.OBSERVED, f"{observation.software.board}, RouterOS {observation.software.version}")
+        self._say(
+            events.Stage.OBSERVED,
+            msg(f"{arg(observation.software.board)}, RouterOS {arg(observation.software.version)}"),
+        )
         strangers = sorted(observation.files.keys() - {package.path.name for package in self.packages})
         if strangers:
             raise errors.DeviceError(
-                f"other packages are on the device, and its next reboot would install them: {', '.join(strangers)}",
+                "other packages are on the device, and its next reboot would install them: "
+                f"{arg(join(', ', strangers))}",
                 hint="remove them (/file remove), or give their files too, then run the same command again",
             )
         return observation, plan(observation.software, self.packages, give_up=self.give_up)
@@ -80,7 +85,7 @@ class Upgrading:
         """
         await self._send(observation, upgrade, journal)
         journal.write(runs.Rebooting(device=self.name, version=str(upgrade.version)))
-        self._say(events.Stage.APPLYING, f"rebooting into RouterOS {upgrade.version}")
+        self._say(events.Stage.APPLYING, msg(f"rebooting into RouterOS {arg(upgrade.version)}"))
         before = asyncio.get_running_loop().time()
         await _reboot(self.endpoint)
         back = await self._back(before)
@@ -103,7 +108,7 @@ class Upgrading:
                 sent_bytes += package.size
                 self._say(
                     events.Stage.APPLYING,
-                    f"kB sent, {package.path.name} is complete",
+                    msg(f"kB sent, {arg(package.path.name)} is complete"),
                     sent_bytes // 1000,
                     upgrade.size // 1000,
                 )
@@ -118,7 +123,9 @@ class Upgrading:
         there = await look(self.endpoint)
         missing = [package.path.name for package in upgrade.send if not there.holds(package)]
         if missing:
-            raise errors.DeviceError(f"the device does not recognise these files as packages: {', '.join(missing)}")
+            raise errors.DeviceError(
+                f"the device does not recognise these files as packages: {arg(join(', ', missing))}"
+            )
 
     def _upload(self, package: Npk, before: int, total: int) -> None:
         reported_bytes = before
@@ -128,7 +135,10 @@ class Upgrading:
             if before + sent_bytes - reported_bytes >= total // _PROGRESS_STEPS:
                 reported_bytes = before + sent_bytes
                 self._say(
-                    events.Stage.APPLYING, f"kB sent, now {package.path.name}", reported_bytes // 1000, total // 1000
+                    events.Stage.APPLYING,
+                    msg(f"kB sent, now {arg(package.path.name)}"),
+                    reported_bytes // 1000,
+                    total // 1000,
                 )
 
         ssh = self.ssh
@@ -154,7 +164,9 @@ class Upgrading:
         endpoint = replace(self.endpoint, connect_timeout_s=patient_s, reply_timeout_s=patient_s)
         why = "no response"
         while (gone_s := clock() - began) < self.waiting.until_s:
-            words = f"for the device to come back: {gone_s:.0f} s of at most {self.waiting.until_s:.0f} s"
+            words = msg(
+                f"for the device to come back: {arg(gone_s):.0f} s of at most {arg(self.waiting.until_s):.0f} s"
+            )
             self._say(events.Stage.WAITING, words)
             await asyncio.sleep(self.waiting.poll_s)
             try:
@@ -166,7 +178,8 @@ class Upgrading:
                 return observation
             why = "it responds, but it has not rebooted"
         raise errors.OutcomeUnknown(
-            f"{self.name} did not come back within {self.waiting.until_s:.0f} s after the reboot command: {why}",
+            f"{arg(self.name)} did not come back within {arg(self.waiting.until_s):.0f} s after the reboot command: "
+            f"{arg(why)}",
             hint="does it have power? Check its lights or its serial console, then run the same command again",
         )
 
@@ -179,10 +192,10 @@ class Upgrading:
         if back.software.version == upgrade.version and not wrong:
             return
         words = await log_of(self.endpoint)
-        log_words = f"; its log says: {'; '.join(words)}" if words else ""
-        missing = f", without {', '.join(wrong)}" if wrong else ""
+        log_words = msg(f"; its log says: {arg(join('; ', words))}" if words else "")
+        missing = msg(f", without {arg(join(', ', wrong))}" if wrong else "")
         raise errors.DeviceError(
-            f"{self.name} rebooted and runs RouterOS {back.software.version}{missing}{log_words}",
+            f"{arg(self.name)} rebooted and runs RouterOS {arg(back.software.version)}{arg(missing)}{arg(log_words)}",
             hint="are the files complete, from MikroTik, and for this board?",
         )
 
@@ -280,7 +293,7 @@ class PreparedUpgrade:
         """
         if not isinstance(host.device, Router):
             raise errors.NoMatchError(
-                f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers can be upgraded"
+                f"{arg(host.name)} is a {arg(host.device.kind.replace('_', ' '))}: only routers can be upgraded"
             )
         packages = tuple(read_npk(path) for path in files)
         require_consent(inventory, [host], request.model_copy(update={"mode": RequestMode.PLAN}))
@@ -324,7 +337,10 @@ class PreparedUpgrade:
     def plan_result(self) -> UpgradeResult:
         """Return the result of a plan: nothing was sent."""
         before, after = str(self.observation.software.version), str(self.upgrade.version)
-        message = f"planned: RouterOS {before} -> {after}, {len(self.upgrade.send)} files, {self.upgrade.size} bytes"
+        message = msg(
+            f"planned: RouterOS {arg(before)} -> {arg(after)}, {arg(len(self.upgrade.send))} files, "
+            f"{arg(self.upgrade.size)} bytes"
+        )
         names = tuple(package.name for package in self.upgrade.send)
         return UpgradeResult(
             self.job.name, apply.Status.PLANNED, errors.ExitCode.CHANGES, message, None, before, after, names
@@ -337,7 +353,7 @@ class PreparedUpgrade:
             self.job.name,
             apply.Status.UNCHANGED,
             errors.ExitCode.DONE,
-            f"unchanged: RouterOS {version}",
+            msg(f"unchanged: RouterOS {arg(version)}"),
             before=version,
             after=version,
             packages=self.upgrade.expected_packages,
@@ -367,7 +383,7 @@ class PreparedUpgrade:
             self.job.name,
             apply.Status.CHANGED,
             errors.ExitCode.DONE,
-            f"RouterOS {before} -> {after}, verified: {', '.join(self.upgrade.expected_packages)}",
+            msg(f"RouterOS {arg(before)} -> {arg(after)}, verified: {arg(join(', ', self.upgrade.expected_packages))}"),
             None,
             before,
             after,
@@ -380,7 +396,7 @@ class PreparedUpgrade:
         backup = await apply.converge(replace(self.job, journal=runs.StatesOnly(journal)), mode=apply.JobMode.BACKUP)
         if backup.exit is not errors.ExitCode.DONE:
             raise errors.DeviceError(
-                f"its state could not be saved, so nothing was sent: {backup.message}", hint=backup.hint
+                f"its state could not be saved, so nothing was sent: {arg(backup.message)}", hint=backup.hint
             )
         back = await self.upgrading.carry_out(self.observation, self.upgrade, journal)
         return back, await apply.converge(self.job, mode=apply.JobMode.PLAN)
@@ -399,11 +415,11 @@ def _configuration(result: apply.DeviceResult, site: str) -> str:
     if result.exit is errors.ExitCode.DONE:
         return "the configuration matches the inventory"
     if result.exit is errors.ExitCode.CHANGES:
-        return (
-            f"{result.planned_count} changes to match the inventory: review with `provision plan site={site} "
-            f"device={result.name}`"
+        return msg(
+            f"{arg(result.planned_count)} changes to match the inventory: review with `provision plan site={arg(site)} "
+            f"device={arg(result.name)}`"
         )
-    return f"cannot compare the configuration: {result.message}"
+    return msg(f"cannot compare the configuration: {arg(result.message)}")
 
 
 REBOOTED_WITHIN_S = 5.0
@@ -492,7 +508,7 @@ def _packages(reply: api.Reply) -> list[RouterOsPackage]:
 def _version(text: str) -> Version:
     result = _parse_version_or_none(text)
     if result is None:
-        raise errors.DeviceError(f"unknown RouterOS version `{text}`")
+        raise errors.DeviceError(f"unknown RouterOS version `{arg(text)}`")
     return result
 
 

@@ -13,6 +13,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links import LinkState
 from atlantis_netcfg.links.cost import preview
 from atlantis_netcfg.operations.common.request import LinkOrder
@@ -46,12 +47,12 @@ def span_s(text: str) -> int:
     match = _SPAN.fullmatch(text)
     hint = "give minutes or hours, from 1 minute to 24 hours: `for=30m`, `for=2h`, `for=1h30m`"
     if not text or match is None:
-        raise errors.UsageError(f"`for={text}` is not a duration", hint=hint)
+        raise errors.UsageError(f"`for={arg(text)}` is not a duration", hint=hint)
     hours, minutes = (int(part or 0) for part in match.groups())
     seconds = 3600 * hours + 60 * minutes
     if not SHORTEST_S <= seconds <= LONGEST_S:
         raise errors.UsageError(
-            f"`for={text}` is {'less than 1 minute' if not seconds else 'more than 24 hours'}", hint=hint
+            f"`for={arg(text)}` is {'less than 1 minute' if not seconds else 'more than 24 hours'}", hint=hint
         )
     return seconds
 
@@ -60,18 +61,18 @@ def router_of(inventory: Inventory, site: str) -> Host:
     """Return the router that selects among a site's links; raise UsageError if there is nothing to select."""
     if site not in inventory.sites:
         near = errors.nearest(site, inventory.sites)
-        choices = f"sites: {', '.join(inventory.sites)}"
+        choices = msg(f"sites: {arg(join(', ', inventory.sites))}")
         raise errors.UsageError(
-            f"`site={site}`: this command changes the link of one site",
-            hint=f"did you mean `site={near}`? {choices}" if near else choices,
+            f"`site={arg(site)}`: this command changes the link of one site",
+            hint=f"did you mean `site={arg(near)}`? {arg(choices)}" if near else choices,
         )
     router = inventory.router_of(site)
     links = inventory.sites[site].bearers
     if router is None or len(links) < 2:  # noqa: PLR2004 - to choose among
-        only = f"`{links[0].name}` is its only link" if links else "it has no links"
+        only = msg(f"`{arg(links[0].name)}` is its only link" if links else "it has no links")
         raise errors.UsageError(
-            f"`{site}` has no choice of links: {only}",
-            hint=f"add a second link in group_vars/{site}.yml, in order of preference",
+            f"`{arg(site)}` has no choice of links: {arg(only)}",
+            hint=f"add a second link in group_vars/{arg(site)}.yml, in order of preference",
         )
     return router
 
@@ -111,15 +112,16 @@ class UseRequest:
 
     def _uptime(self, status: LinksStatus) -> int:
         if status.uptime_s is None:
-            silent = "; ".join(item.message for item in status.unreachable) or "it does not report its uptime"
+            silent = join("; ", (item.message for item in status.unreachable)) or "it does not report its uptime"
             raise LinkNotFit(
-                f"the router of {self.site} could not be read, so nothing was changed: {silent}",
+                f"the router of {arg(self.site)} could not be read, so nothing was changed: {arg(silent)}",
                 hint=_unread_hint(self.site, status),
             )
         if status.uptime_s < SETTLED_S:
             raise LinkNotFit(
-                f"the router of {self.site} started {status.uptime_s:.0f} s ago and is still checking its links",
-                hint=f"run the same command again in {SETTLED_S - status.uptime_s:.0f} s",
+                f"the router of {arg(self.site)} started {arg(status.uptime_s):.0f} s ago and is still checking its "
+                "links",
+                hint=f"run the same command again in {arg(SETTLED_S - status.uptime_s):.0f} s",
             )
         return int(status.uptime_s)
 
@@ -127,21 +129,24 @@ class UseRequest:
         link_status = next(link for link in status.links if link.name == self.link.name)
         if self.allow_unproved or link_status.state is LinkState.UP:
             return
-        why = "; ".join(finding.message for finding in link_status.findings)
+        why = join("; ", (finding.message for finding in link_status.findings))
         if link_status.state in {LinkState.DOWN, LinkState.SEARCHING}:
             raise LinkNotFit(
-                f"{self.link.name} is down, so nothing was changed: {why or 'no response'}", hint=_UNPROVED_HINT
+                f"{arg(self.link.name)} is down, so nothing was changed: {arg(why or 'no response')}",
+                hint=_UNPROVED_HINT,
             )
         if is_proved:
             return
-        hint = f"set two `canaries:` (probe targets) for it in group_vars/{self.site}.yml; or {_UNPROVED_HINT}"
+        hint = msg(
+            f"set two `canaries:` (probe targets) for it in group_vars/{arg(self.site)}.yml; or {arg(_UNPROVED_HINT)}"
+        )
         if self.link.kind.traits.allow_list:
-            hint = (
-                f"`provision measure satellite site={self.site} link={self.link.name} --try-all` tests the VPN "
-                f"over it (valid for one hour); or {_UNPROVED_HINT}"
+            hint = msg(
+                f"`provision measure satellite site={arg(self.site)} link={arg(self.link.name)} --try-all` tests the "
+                f"VPN over it (valid for one hour); or {arg(_UNPROVED_HINT)}"
             )
         raise LinkNotFit(
-            f"there is no proof that {self.link.name} works, so nothing was changed: no probe runs over it",
+            f"there is no proof that {arg(self.link.name)} works, so nothing was changed: no probe runs over it",
             hint=hint,
         )
 
@@ -152,7 +157,7 @@ def _unread_hint(site: str, status: LinksStatus) -> str:
     return (
         errors.fill_hint(hint, site=site)
         if hint
-        else f"`provision links site={site}` shows which link carries the traffic"
+        else msg(f"`provision links site={arg(site)}` shows which link carries the traffic")
     )
 
 
@@ -160,12 +165,12 @@ def ended_order(site: str, status: LinksStatus) -> LinkOrder:
     """Return the order that restores the inventory's link order; raise NothingInUse or LinkNotFit."""
     if status.uptime_s is None:
         raise LinkNotFit(
-            f"the router of {site} could not be read, so nothing was changed",
+            f"the router of {arg(site)} could not be read, so nothing was changed",
             hint=_unread_hint(site, status),
         )
     if status.use is None:
         raise NothingInUse(
-            f"no link of {site} overrides the order of the inventory, so there is nothing to end",
-            hint=f"`provision links site={site}` shows which link carries the traffic",
+            f"no link of {arg(site)} overrides the order of the inventory, so there is nothing to end",
+            hint=f"`provision links site={arg(site)}` shows which link carries the traffic",
         )
     return LinkOrder()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core import events, paths, printable
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.cost import Preview, preview
 from atlantis_netcfg.links.lte import rutos_read
@@ -105,24 +106,26 @@ class VerifiedDevice:
     def as_text(self) -> str:
         """Return the report as text, failed assumptions first."""
         answers, where = self.answers, "emulated " if self.is_rehearsal else ""
-        counts = ", ".join(f"{words}: {self.number(verdict)}" for verdict, words in _COUNTS.items())
+        counts = join(", ", (msg(f"{arg(words)}: {arg(self.number(verdict))}") for verdict, words in _COUNTS.items()))
         version = printable.line(f"{answers.system} {answers.version}").rstrip()
         lines = [
-            f"{self.device}: {where}{printable.line(answers.board)}, {version}",
-            f"  {len(answers.findings)} assumptions; {counts}",
+            msg(f"{arg(self.device)}: {arg(where)}{arg(printable.line(answers.board))}, {arg(version)}"),
+            msg(f"  {arg(len(answers.findings))} assumptions; {arg(counts)}"),
         ]
         for verdict in (events.Verdict.FAIL, events.Verdict.INCONCLUSIVE, events.Verdict.PASS, events.Verdict.SKIP):
             for finding in (item for item in answers.findings if item.verdict is verdict):
-                lines.append(f"  {_WORDS[verdict]:<14} {finding.id}: {printable.line(finding.evidence)}")
+                lines.append(
+                    msg(f"  {arg(_WORDS[verdict]):<14} {arg(finding.id)}: {arg(printable.line(finding.evidence))}")
+                )
                 if verdict in {events.Verdict.FAIL, events.Verdict.INCONCLUSIVE}:
                     lines += [
-                        f"  {'':<14} {_ASSUMPTIONS[finding.id].sentence}",
-                        f"  {'':<14} {_ASSUMPTIONS[finding.id].rests}",
+                        msg(f"  {'':<14} {arg(_ASSUMPTIONS[finding.id].sentence)}"),
+                        msg(f"  {'':<14} {arg(_ASSUMPTIONS[finding.id].rests)}"),
                     ]
-        lines.append(f"  {self.round_trips} round trips, {self.bytes / 1000:.1f} kB")
+        lines.append(msg(f"  {arg(self.round_trips)} round trips, {arg(self.bytes / 1000):.1f} kB"))
         if self.file is not None:
-            lines.append(f"  file to send back: {self.file}")
-        return "\n".join(lines)
+            lines.append(msg(f"  file to send back: {arg(self.file)}"))
+        return join("\n", lines)
 
 
 @dataclass(slots=True)

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg.core.messages import arg, msg
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -71,15 +73,17 @@ def require_plan(steps: Sequence[PlanStep]) -> list[PlanStep]:
     if not steps:
         raise GoalRefusal("the plan has no steps")
     if len(steps) > MOST_STEPS or sum(len(step.action) + len(step.data) for step in steps) > MOST_PLAN_CHARACTERS:
-        raise GoalRefusal(f"the plan is too long: at most {MOST_STEPS} steps and {MOST_PLAN_CHARACTERS} characters")
+        raise GoalRefusal(
+            msg(f"the plan is too long: at most {arg(MOST_STEPS)} steps and {arg(MOST_PLAN_CHARACTERS)} characters")
+        )
     order = sorted(steps, key=lambda step: step.index)
     if [step.index for step in order] != list(range(len(order))):
         raise GoalRefusal("the step indices do not count up from 0")
     for step in order:
         if not step.action:
-            raise GoalRefusal(f"step {step.index} names no action")
+            raise GoalRefusal(msg(f"step {arg(step.index)} names no action"))
         if not _is_json_object(step.data):
-            raise GoalRefusal(f"the data of step {step.index} are not a JSON object")
+            raise GoalRefusal(msg(f"the data of step {arg(step.index)} are not a JSON object"))
     return order
 
 
@@ -138,7 +142,7 @@ class ActionServer:
         if active and self.one_at_a_time:
             raise GoalRefusal("another plan is still running")
         if len(active) >= MOST_GOALS:
-            raise GoalRefusal(f"{MOST_GOALS} goals are still running")
+            raise GoalRefusal(msg(f"{arg(MOST_GOALS)} goals are still running"))
         if len(self.goals) >= MOST_GOALS:
             del self.goals[next(key for key, goal in self.goals.items() if goal.status.is_terminal)]
         self.goals[identity] = Goal(identity, stamp_ns, plan, now)

@@ -11,6 +11,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.loader import content, shown_path
 from atlantis_netcfg.robots.listener import IdlTypes, dds_type_name
 
@@ -120,8 +121,8 @@ class MessageTypes:
 def _unknown(name: str) -> UsageError:
     package, sort, short = name.split("/")
     file = f"{short.partition('_')[0]}.action" if sort == "action" else f"{short}.msg"
-    hint = f"put its file into robots/{INTERFACES}/{package}/{sort}/{file} of the inventory"
-    return UsageError(f"the type {name} is unknown", hint=hint)
+    hint = msg(f"put its file into robots/{arg(INTERFACES)}/{arg(package)}/{arg(sort)}/{arg(file)} of the inventory")
+    return UsageError(f"the type {arg(name)} is unknown", hint=hint)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -130,15 +131,15 @@ def _read(path: Path) -> dict[str, Any]:
 
     package, sort = path.parts[-3], path.parts[-2]
     if (sort, path.suffix) not in {("msg", ".msg"), ("action", ".action")}:
-        hint = f"messages are {package}/msg/<Name>.msg, actions {package}/action/<Name>.action"
-        raise UsageError(f"{shown_path(path)} is neither a message nor an action", hint=hint)
+        hint = msg(f"messages are {arg(package)}/msg/<Name>.msg, actions {arg(package)}/action/<Name>.action")
+        raise UsageError(f"{arg(shown_path(path))} is neither a message nor an action", hint=hint)
     result: dict[str, Any] = {}
     try:
         for short, text in _parts(path, content(path).decode()).items():
             result.update(get_types_from_msg(text, f"{package}/{sort}/{short}"))
     except (OSError, ValueError, TypesysError) as error:
         reason = str(error).partition("\n")[0].rstrip(":")
-        message = f"{shown_path(path)} cannot be read: {reason}"
+        message = msg(f"{arg(shown_path(path))} cannot be read: {arg(reason)}")
         raise UsageError(message, hint="a line is a type and a name, like `float64 data`") from error
     return result
 
@@ -149,7 +150,7 @@ def _parts(path: Path, text: str) -> dict[str, str]:
         return {path.stem: text}
     parts = re.split(r"(?m)^---\s*$", text)
     if len(parts) != len(_ACTION_PARTS):
-        raise ValueError(f"an action has three parts separated by `---`; this one has {len(parts)}")
+        raise ValueError(msg(f"an action has three parts separated by `---`; this one has {arg(len(parts))}"))
     texts = {f"{path.stem}_{words}": part for part, words in zip(parts, _ACTION_PARTS, strict=True)}
     action = "/".join((*path.parts[-3:-1], path.stem))
     return texts | {f"{path.stem}_{words}": _text(fields, action) for words, fields in _ACTION_MESSAGES.items()}

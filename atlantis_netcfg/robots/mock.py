@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model.robot import TopicKind
 from atlantis_netcfg.robots.actions import GoalRefusal
 from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE, stamp_of
@@ -74,15 +75,15 @@ class MockRobot:
     def limits(self) -> Iterator[str]:
         """Yield what the mock cannot reproduce: the real program does it without a topic or an action."""
         if self.robot.mission_executor.action is None:
-            yield f"{self.robot.name} accepts no plans: its program receives them by a function"
+            yield msg(f"{arg(self.robot.name)} accepts no plans: its program receives them by a function")
         if self.robot.pose.topic is None:
-            yield f"{self.robot.name} publishes no pose: its program passes it to the library"
+            yield msg(f"{arg(self.robot.name)} publishes no pose: its program passes it to the library")
 
     def _require(self, condition: CommandCondition | None) -> None:
         topic = self.robot.full_name(condition.topic) if condition is not None else ""
         if condition is not None and condition.value != self._boolean(topic):
             value = str(condition.value).lower()
-            raise GoalRefusal(f"{topic} must be {value}, but is not")
+            raise GoalRefusal(msg(f"{arg(topic)} must be {arg(value)}, but is not"))
 
     def _boolean(self, topic: str) -> bool:
         """Return False; for a topic used by a condition alternate, so that its command can be accepted."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.robots import actions
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class MockAction:
             goal = self._server.accept(bytes(request.goal_id.uuid), self._steps(request.goal), now, stamp_ns)
         except actions.GoalRefusal as refusal:
             self.counts["refused"] += 1
-            self.notices.append(f"goal refused: {refusal}")
+            self.notices.append(msg(f"goal refused: {arg(refusal)}"))
             return reply
         self.counts["accepted"] += 1
         self.notices.append("goal accepted")

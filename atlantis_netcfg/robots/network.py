@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.robots import listener, observation
 
 if TYPE_CHECKING:
@@ -44,9 +45,7 @@ def profile(address: str, peers: Sequence[str], participants: int) -> str:
         '<CycloneDDS><Domain Id="any"><General><Interfaces>'
         f'<NetworkInterface address="{address}"/></Interfaces><AllowMulticast>spdp</AllowMulticast></General>'
         f"<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{participants}"
-        f"</MaxAutoParticipantIndex><SPDPInterval>{ANNOUNCE_S}s</SPDPInterval><LeaseDuration>{_LEASE_S}s</LeaseDuration>"
-        f"<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay><Peers>{rows}</Peers></Discovery>"
-        "<Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"
+        f"</MaxAutoParticipantIndex><SPDPInterval>{ANNOUNCE_S}s</SPDPInterval><LeaseDuration>{_LEASE_S}s</LeaseDuration><InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay><Peers>{rows}</Peers></Discovery><Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"
     )
 
 
@@ -62,7 +61,7 @@ def domain(number: int, configuration: str) -> Iterator[int]:
         participant = listener.open_domain(number, configuration)
     except DDSException as error:
         hint = "check that the address belongs to this computer, and that the interface is up: `ip address` shows both"
-        raise UsageError(f"a DDS participant cannot be created here: {error}", hint=hint) from error
+        raise UsageError(f"a DDS participant cannot be created here: {arg(error)}", hint=hint) from error
     try:
         yield number
     finally:

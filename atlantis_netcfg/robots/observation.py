@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.robots.reading import read_published
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
 from atlantis_netcfg.links import LinkFinding
@@ -146,7 +147,7 @@ def judge(
         robot, error = read_published(configuration.text, names)
         if robot is None:
             who = observation.participants.get(configuration.writer.participant, "an unknown address")
-            message = f"{who} publishes a configuration that cannot be read: {error}"
+            message = msg(f"{arg(who)} publishes a configuration that cannot be read: {arg(error)}")
             finding = LinkFinding(Verdict.FAIL, "configuration-unreadable", message, _CHECK_ITS_FILE)
             reports.append(RobotReport(who, RobotState.UNKNOWN, None, (finding,)))
         else:
@@ -182,15 +183,17 @@ def _missing_robot_report(source: RobotSource, observation: RobotObservation) ->
     name = source.robot.name if source.robot is not None else str(source.vehicle)
     declared_topics = {topic.name for topic in source.robot.topics()} if source.robot is not None else set()
     topic = next((writer.topic for writer in observation.writers if writer.topic in declared_topics), None)
-    message = f"nothing was received from it in {observation.seconds:.0f} s"
+    message = msg(f"nothing was received from it in {arg(observation.seconds):.0f} s")
     hint = "check that it is switched on, in the network, and in the domain of `dds.domain`"
     findings = [LinkFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)]
     if topic is not None:
-        message = f"a robot publishes {topic}, but its configuration was not received"
+        message = msg(f"a robot publishes {arg(topic)}, but its configuration was not received")
         hint = "a registered robot stops publishing it: restart its program"
         findings = [LinkFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)]
     for address, domains in list(observation.other_domains.items())[:_MOST_FOREIGN]:
-        message = f"{address} uses domain {', '.join(map(str, domains))}, which is not that of `dds.domain`"
+        message = msg(
+            f"{arg(address)} uses domain {arg(join(', ', map(str, domains)))}, which is not that of `dds.domain`"
+        )
         hint = "if that is this robot: set its ROS_DOMAIN_ID as in the inventory, and restart its programs"
         findings.append(LinkFinding(Verdict.INCONCLUSIVE, "other-domain", message, hint))
     return RobotReport(name, RobotState.MISSING, source.vehicle, tuple(findings))
@@ -198,12 +201,12 @@ def _missing_robot_report(source: RobotSource, observation: RobotObservation) ->
 
 def _unknown(name: str, sources_by_name: Mapping[str, RobotSource]) -> LinkFinding:
     near = nearest(name, sources_by_name)
-    message = f"no robot of this inventory has the namespace `{name}`"
+    message = msg(f"no robot of this inventory has the namespace `{arg(name)}`")
     if near is not None:
-        message = f"no robot of this inventory has the namespace `{name}`; did it mean `{near}`?"
-    hint = (
-        f"if a person approves it: `provision robot invite name={vehicle_key(name)} partner=PARTNER kind=auv "
-        f"until=DAY site=… cells=wifi` with its own values, then `provision robot discover site=… save={name}`"
+        message = msg(f"no robot of this inventory has the namespace `{arg(name)}`; did it mean `{arg(near)}`?")
+    hint = msg(
+        f"if a person approves it: `provision robot invite name={arg(vehicle_key(name))} partner=PARTNER kind=auv "
+        f"until=DAY site=… cells=wifi` with its own values, then `provision robot discover site=… save={arg(name)}`"
     )
     return LinkFinding(Verdict.WARN, "robot-unknown", message, hint)
 
@@ -214,8 +217,10 @@ def vehicle_key(namespace: str) -> str:
 
 
 def _past_guest(vehicle: str, past: Mapping[str, str]) -> LinkFinding:
-    message = f"it was a guest until {past[vehicle]}"
-    return LinkFinding(Verdict.WARN, "robot-unknown", message, f"`provision robot dismiss name={vehicle}` removes it")
+    message = msg(f"it was a guest until {arg(past[vehicle])}")
+    return LinkFinding(
+        Verdict.WARN, "robot-unknown", message, msg(f"`provision robot dismiss name={arg(vehicle)}` removes it")
+    )
 
 
 def _check_duplicates(
@@ -224,7 +229,7 @@ def _check_duplicates(
     keys = dict.fromkeys(configuration.writer.participant for configuration, _ in copies)
     if len(keys) > 1:
         where = " and ".join(observation.participants.get(key, "an unknown address") for key in keys)
-        message = f"{len(keys)} participants announce themselves as `{name}`: {where}"
+        message = msg(f"{arg(len(keys))} participants announce themselves as `{arg(name)}`: {arg(where)}")
         yield LinkFinding(Verdict.FAIL, "namespace-twice", message, "give each robot its own namespace")
 
 
@@ -232,10 +237,12 @@ def _check_configuration_rate(configuration: HeardConfiguration) -> Iterator[Lin
     rate = configuration.writer.rate_hz
     low, high = _CONFIGURATION_HZ
     if rate is None:
-        message = f"its configuration was received {configuration.writer.messages} times: too few to determine the rate"
+        message = msg(
+            f"its configuration was received {arg(configuration.writer.messages)} times: too few to determine the rate"
+        )
         yield LinkFinding(Verdict.INCONCLUSIVE, "configuration-rate-unknown", message, "listen for longer: `for=60s`")
     elif not low <= rate <= high:
-        message = f"its configuration comes at {rate:.2g} Hz; the report says 1 Hz"
+        message = msg(f"its configuration comes at {arg(rate):.2g} Hz; the report says 1 Hz")
         yield LinkFinding(Verdict.FAIL, "configuration-rate", message, "check the program that publishes it")
 
 
@@ -264,12 +271,12 @@ def topic_findings(
     for topic in robot.topics():
         rows = [writer for writer in writers if writer.topic == topic.name]
         if not rows:
-            message = f"it does not publish {topic.name}, which its configuration lists"
+            message = msg(f"it does not publish {arg(topic.name)}, which its configuration lists")
             hint = "check the program that publishes it"
             yield topic, LinkFinding(Verdict.FAIL, "topic-missing", message, hint)
         elif observation.unread.get(topic.name) == topic.message_type:
-            message = f"the type of {topic.name} is unknown here, so its messages were not counted"
-            hint = f"put {observation.unread[topic.name]} into robots/interfaces of the inventory"
+            message = msg(f"the type of {arg(topic.name)} is unknown here, so its messages were not counted")
+            hint = msg(f"put {arg(observation.unread[topic.name])} into robots/interfaces of the inventory")
             yield topic, LinkFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
         else:
             for writer in rows:
@@ -284,42 +291,51 @@ def _check_silence(
     rates = [writer.rate_hz for writer in rows if writer.rate_hz]
     silence_s = max(writer.last_s for writer in writers) - max(writer.last_s for writer in rows)
     if rates and silence_s > max(_PAUSE_S, _PAUSE_PERIODS / min(rates)):
-        message = f"no message was received on {topic.name} in the last {silence_s:.0f} s of the robot"
+        message = msg(f"no message was received on {arg(topic.name)} in the last {arg(silence_s):.0f} s of the robot")
         yield LinkFinding(Verdict.FAIL, "topic-silent", message, "check the program that publishes it")
 
 
 def _check_topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[LinkFinding]:
     if writer.type != topic.message_type:
-        message = f"{topic.name} has the type {writer.type}; its configuration says {topic.message_type}"
+        message = msg(
+            f"{arg(topic.name)} has the type {arg(writer.type)}; its configuration says {arg(topic.message_type)}"
+        )
         yield LinkFinding(Verdict.FAIL, "topic-type", message, "set `type:` of the topic, or correct the program")
         return
     rate = writer.rate_hz
     if not writer.messages:
-        message = f"no message was received on {topic.name} in {seconds:.0f} s, although it is published"
+        message = msg(f"no message was received on {arg(topic.name)} in {arg(seconds):.0f} s, although it is published")
         yield LinkFinding(Verdict.FAIL, "topic-silent", message, "check the program that publishes it")
         return
     if rate is None and beside_guideline(topic.kind.data, 0.0) is not None:
-        message = f"{topic.name} was received {writer.messages} times in {seconds:.0f} s: too few to determine its rate"
+        message = msg(
+            f"{arg(topic.name)} was received {arg(writer.messages)} times in {arg(seconds):.0f} s: too few to "
+            "determine its rate"
+        )
         yield LinkFinding(Verdict.INCONCLUSIVE, "topic-rate-unknown", message, "listen for longer: `for=60s`")
     if rate is not None:
         way, guideline = beside_guideline(topic.kind.data, rate) or ("", "")
         is_near = beside_guideline(topic.kind.data, rate / _TOLERANCE if way == "above" else rate * _TOLERANCE) is None
         if way and not is_near:
-            message = f"{topic.name} comes at {rate:.2g} Hz, below the report's guideline"
+            message = msg(f"{arg(topic.name)} comes at {arg(rate):.2g} Hz, below the report's guideline")
             if way == "above":
-                message = f"{topic.name} comes at {rate:.2g} Hz, above the report's guideline"
-            yield LinkFinding(Verdict.WARN, f"topic-rate-{way}", message, f"{guideline} (report, 3.3.3)")
+                message = msg(f"{arg(topic.name)} comes at {arg(rate):.2g} Hz, above the report's guideline")
+            yield LinkFinding(Verdict.WARN, f"topic-rate-{way}", message, msg(f"{arg(guideline)} (report, 3.3.3)"))
     if topic.kind.moves and writer.messages < _FEWEST and len(writer.contents) == 1:
-        message = f"{topic.name} was received {writer.messages} times: too few to tell whether it changes"
+        message = msg(
+            f"{arg(topic.name)} was received {arg(writer.messages)} times: too few to tell whether it changes"
+        )
         yield LinkFinding(Verdict.INCONCLUSIVE, "topic-frozen", message, "listen for longer: `for=60s`")
     elif topic.kind.moves and len(writer.contents) == 1:
         # A receiver on the quay may give one position a few times; ten in a row is nobody's navigation.
         verdict = Verdict.FAIL if writer.messages >= _SURELY_FROZEN else Verdict.WARN
-        message = f"{topic.name} has the same value in all {writer.messages} messages"
+        message = msg(f"{arg(topic.name)} has the same value in all {arg(writer.messages)} messages")
         hint = "a robot on the water is never completely still: check that its navigation is running"
         yield LinkFinding(verdict, "topic-frozen", message, hint)
     if writer.stamp_age_s is not None and abs(writer.stamp_age_s) > _STALE_S:
-        message = f"the stamps of {topic.name} are {abs(writer.stamp_age_s):.0f} s away from the listener's clock"
+        message = msg(
+            f"the stamps of {arg(topic.name)} are {arg(abs(writer.stamp_age_s)):.0f} s away from the listener's clock"
+        )
         hint = "compare the clocks of the robot and of the computer that listens"
         yield LinkFinding(Verdict.FAIL, "topic-stale", message, hint)
 

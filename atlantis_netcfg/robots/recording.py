@@ -10,6 +10,7 @@ import time
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.loader import shown_path
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class BagRecorder:
     def __init__(self, folder: Path, types: MessageTypes, most: int = LARGEST_BAG, free: int = _FREE) -> None:
         """Nothing is created yet. Raises UsageError if the folder already exists."""
         if folder.exists() or folder.is_symlink():
-            raise UsageError(f"{shown_path(folder)} already exists", hint="choose a new folder")
+            raise UsageError(f"{arg(shown_path(folder))} already exists", hint="choose a new folder")
         self.folder = folder
         self.messages = self.octets = 0
         self.reason = ""
@@ -58,7 +59,7 @@ class BagRecorder:
             bag.open()
             self.folder.chmod(0o700)
         except OSError as error:
-            message = f"cannot create {shown_path(self.folder)}: {error.strerror}"
+            message = msg(f"cannot create {arg(shown_path(self.folder))}: {arg(error.strerror)}")
             raise UsageError(message, hint="choose a folder that you can write to") from error
         self._bag = bag
         return self
@@ -77,7 +78,7 @@ class BagRecorder:
             self._bag.close()
         except (OSError, Error) as problem:
             self.messages = self.octets = 0
-            self.reason = f"it could not be completed: {problem}"
+            self.reason = msg(f"it could not be completed: {arg(problem)}")
 
     def add(self, writer: HeardWriter, data: bytes) -> None:
         """Write a message that has just come."""
@@ -98,12 +99,12 @@ class BagRecorder:
 
     def _stop_reason(self, size: int) -> str:
         if self.octets + size > self._most:
-            return f"it would be larger than {self._most / 1e6:g} MB"
+            return msg(f"it would be larger than {arg(self._most / 1e6):g} MB")
         if self.octets + size < self._octets_at_look + _LOOK_EVERY:
             return ""
         self._octets_at_look = self.octets
         if shutil.disk_usage(self.folder).free - size < self._free:
-            return f"less than {self._free / 1e6:g} MB would be free on the disk"
+            return msg(f"less than {arg(self._free / 1e6):g} MB would be free on the disk")
         return ""
 
     def _topic(self, writer: HeardWriter) -> Any:  # noqa: ANN401 - a connection of rosbags

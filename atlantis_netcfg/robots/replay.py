@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.loader import shown_path
 from atlantis_netcfg.inventory.robots.reading import read_published
 from atlantis_netcfg.inventory.robots.ros_names import why_no_name
@@ -93,11 +94,11 @@ def read_bag(folder: Path, types: MessageTypes, names: KeyNames) -> Bag:
         if topic.name == names.configuration_topic and topic.type == CONFIGURATION_TYPE:
             _introduce(bag, str(sample.data).encode(), content_hash(message.data), names)
         if len(bag.topics) + len(bag.left_out) > _MOST_TOPICS or len(bag.robots) > _MOST_TOPICS:
-            raise UsageError(f"{shown_path(folder)} has more than {_MOST_TOPICS} topics", hint=_ANOTHER)
+            raise UsageError(f"{arg(shown_path(folder))} has more than {arg(_MOST_TOPICS)} topics", hint=_ANOTHER)
         if len(set(bag.robots.values())) > MOST_ROBOTS:
-            raise UsageError(f"{shown_path(folder)} has more than {MOST_ROBOTS} robots", hint=_ANOTHER)
+            raise UsageError(f"{arg(shown_path(folder))} has more than {arg(MOST_ROBOTS)} robots", hint=_ANOTHER)
     if not bag.topics:
-        raise UsageError(f"{shown_path(folder)} contains no message of a known type", hint=_ANOTHER)
+        raise UsageError(f"{arg(shown_path(folder))} contains no message of a known type", hint=_ANOTHER)
     return bag
 
 
@@ -114,10 +115,11 @@ def _files(folder: Path) -> tuple[Path, ...]:
     files = sorted(folder.glob("*.db3")) if folder.is_dir() else [folder]
     if not files or any(not each.is_file() or each.suffix != ".db3" for each in files):
         hint = "choose a folder with a rosbag2 bag stored as uncompressed sqlite3: its files end in .db3"
-        raise UsageError(f"{shown_path(folder)} is not a readable bag", hint=hint)
+        raise UsageError(f"{arg(shown_path(folder))} is not a readable bag", hint=hint)
     if (size := sum(each.stat().st_size for each in files)) > LARGEST_BAG:
         raise UsageError(
-            f"{shown_path(folder)} has {size / 1000000.0:.0f} MB; the limit is {LARGEST_BAG / 1000000.0:g}",
+            f"{arg(shown_path(folder))} has {arg(size / 1000000.0):.0f} MB; the limit is "
+            f"{arg(LARGEST_BAG / 1000000.0):g}",
             hint=_ANOTHER,
         )
     firsts = {each: next((message.time_ns for message in _messages([each])), 0) for each in files}
@@ -144,7 +146,9 @@ def _messages(files: Sequence[Path]) -> Iterator[BagMessage]:
             raise
         except Exception as error:
             reason = str(error).partition("\n")[0]
-            raise UsageError(f"{shown_path(path)} cannot be read as a bag: {reason}", hint=_ANOTHER) from error
+            raise UsageError(
+                f"{arg(shown_path(path))} cannot be read as a bag: {arg(reason)}", hint=_ANOTHER
+            ) from error
 
 
 def sample_of(message: BagMessage, types: MessageTypes) -> Any:  # noqa: ANN401 - a message
@@ -161,8 +165,10 @@ def sample_of(message: BagMessage, types: MessageTypes) -> Any:  # noqa: ANN401 
 
 
 def _type_mismatch_error(message: BagMessage) -> UsageError:
-    what = f"a message of {message.topic.name} does not match the type {message.topic.type} as known here"
-    hint = f"compare robots/{INTERFACES}/{message.topic.type}.msg of the inventory with the robot's own"
+    what = msg(
+        f"a message of {arg(message.topic.name)} does not match the type {arg(message.topic.type)} as known here"
+    )
+    hint = msg(f"compare robots/{arg(INTERFACES)}/{arg(message.topic.type)}.msg of the inventory with the robot's own")
     return UsageError(what, hint=hint)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.secret import MASK
 
 if TYPE_CHECKING:
@@ -48,9 +49,9 @@ class Facts:
 
     def upgrade(self, to: Version) -> str:
         """Return the hint for a device whose version is below `to`."""
-        return (
-            f"install RouterOS {to} or later on it: `provision device upgrade site=… device=… packages=FILE.npk`, "
-            f"where FILE.npk is MikroTik's package for {self.architecture}"
+        return msg(
+            f"install RouterOS {arg(to)} or later on it: `provision device upgrade site=… device=… packages=FILE.npk`, "
+            f"where FILE.npk is MikroTik's package for {arg(self.architecture)}"
         )
 
 
@@ -192,8 +193,8 @@ class Plan:
         """Text that needs separate consent; empty if only a few foreign rows are removed."""
         if self.foreign_rows <= FEW_FOREIGN:
             return ""
-        parts = ", ".join(f"{number} from {title}" for title, number in self.foreign)
-        return f"removes {self.foreign_rows} rows that do not carry our mark: {parts}"
+        parts = join(", ", (msg(f"{arg(number)} from {arg(title)}") for title, number in self.foreign))
+        return msg(f"removes {arg(self.foreign_rows)} rows that do not carry our mark: {arg(parts)}")
 
     @property
     def weight(self) -> int:

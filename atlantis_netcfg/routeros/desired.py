@@ -17,6 +17,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros._items import DesiredState, Mistake, RowItem, RunTime, item_of, known_menu, near
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.routeros.rsc import Statement, parse
@@ -54,11 +55,11 @@ def read(text: str, source: str = "text") -> DesiredState:
             item = item_of(statement)
             _once(item, first)
         except Mistake as mistake:
-            mistakes.append(f"{source}, line {statement.line}: {mistake}")
+            mistakes.append(msg(f"{arg(source)}, line {arg(statement.line)}: {arg(mistake)}"))
         else:
             items[item.menu].append(item)
     if mistakes:
-        raise Mistake("\n".join(mistakes))
+        raise Mistake(join("\n", mistakes))
     items_by_menu = {menu: tuple(rows) for menu, rows in items.items()}
     return DesiredState(
         source, items_by_menu, frozenset(entire), undeclared_values, run_time=tuple(run_time), remarks=tuple(remarks)
@@ -85,10 +86,10 @@ def _parse_directives(text: str, source: str, mistakes: list[str], directives: _
                 remarks.append((_menu_named(title).path, remark))
             else:
                 directive_names = (_ENTIRE, _UNDECLARED_ROWS, _RUN_TIME, _NOTE)
-                raise Mistake(f"unknown directive `atlantis:{word}`{near(word, directive_names)}")  # noqa: TRY301
+                raise Mistake(f"unknown directive `atlantis:{arg(word)}`{arg(near(word, directive_names))}")  # noqa: TRY301
         except Mistake as mistake:
             line = text.count("\n", 0, match.start()) + 1
-            mistakes.append(f"{source}, line {line}: {mistake}")
+            mistakes.append(msg(f"{arg(source)}, line {arg(line)}: {arg(mistake)}"))
 
 
 def _menu_named(title: str) -> Menu:
@@ -102,7 +103,7 @@ def _parse_run_time(argument: str) -> RunTime:
     title, name, declared_value, instead = match.groups()
     menu = _menu_named(title)
     if name not in menu.by_name:
-        raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
+        raise Mistake(f"{arg(menu.title)} has no argument `{arg(name)}`{arg(near(name, menu.by_name))}")
     return RunTime(menu.path, name, declared_value, instead)
 
 
@@ -113,16 +114,16 @@ def _value_in_menu(argument: str) -> tuple[str, str, str]:
     title, name, value = match.groups()
     menu = _menu_named(title)
     if menu.shape is not Shape.FIXED or menu.readonly:
-        raise Mistake(f"{menu.title} has no fixed rows")
+        raise Mistake(f"{arg(menu.title)} has no fixed rows")
     if name not in menu.by_name or name in menu.keys:
-        raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
+        raise Mistake(f"{arg(menu.title)} has no argument `{arg(name)}`{arg(near(name, menu.by_name))}")
     return menu.path, name, value
 
 
 def _entire_menu(argument: str) -> str:
     menu = _menu_named(argument)
     if menu.shape is not Shape.LIST or menu.readonly:
-        raise Mistake(f"{menu.title} cannot be managed entirely, because nobody can add rows to it")
+        raise Mistake(f"{arg(menu.title)} cannot be managed entirely, because nobody can add rows to it")
     return menu.path
 
 
@@ -133,7 +134,7 @@ def _once(item: RowItem, first: dict[tuple[str, tuple[str, ...]], int]) -> None:
     line = first.setdefault((item.menu, item.identity), item.line)
     if line != item.line:
         name = MENUS[item.menu].name_of(item.defined_values)
-        raise Mistake(f"{name} is defined a second time; the first is on line {line}")
+        raise Mistake(f"{arg(name)} is defined a second time; the first is on line {arg(line)}")
 
 
 def from_export(text: str, only: Iterable[str], source: str = "export") -> DesiredState:
@@ -146,7 +147,11 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
     """
     menus = [known_menu(path) for path in dict.fromkeys(only)]
     restorable_menus = [menu for menu in menus if menu.is_exported and not menu.readonly]
-    notes = [f"{menu.title} is not part of an export: left unchanged" for menu in menus if menu not in restorable_menus]
+    notes = [
+        msg(f"{arg(menu.title)} is not part of an export: left unchanged")
+        for menu in menus
+        if menu not in restorable_menus
+    ]
     items: dict[str, list[RowItem]] = {menu.path: [] for menu in restorable_menus}
     gaps: dict[str, None] = {}
     for statement in parse(text, source).statements:
@@ -156,7 +161,9 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
             items[menu.path] += restored_items
             if not restored_items and _is_a_row(menu, statement):
                 gaps[menu.path] = None
-    notes += [f"{MENUS[path].title}: for that reason, rows that are not in the export are kept" for path in gaps]
+    notes += [
+        msg(f"{arg(MENUS[path].title)}: for that reason, rows that are not in the export are kept") for path in gaps
+    ]
     return DesiredState(
         source,
         {menu: tuple(rows) for menu, rows in items.items()},
@@ -169,11 +176,14 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
 def _restore_item(menu: Menu, statement: Statement, source: str, notes: list[str]) -> Sequence[RowItem]:
     """Return the statement's row, or nothing and a note on why it cannot be restored."""
     foreign = [name for name, _ in statement.values if name not in menu.by_name]
-    notes += [f"{source}, line {statement.line}: `{name}` of {menu.title} is left unchanged" for name in foreign]
+    notes += [
+        msg(f"{arg(source)}, line {arg(statement.line)}: `{arg(name)}` of {arg(menu.title)} is left unchanged")
+        for name in foreign
+    ]
     try:
         item = item_of(_normalize(menu, statement))
     except Mistake as mistake:
-        notes.append(f"{source}, line {statement.line}: not restored: {mistake}")
+        notes.append(msg(f"{arg(source)}, line {arg(statement.line)}: not restored: {arg(mistake)}"))
         return ()
     hidden_names = menu.secrets - set(item.values)
     return (RowItem(item.menu, item.values, item.line, item.exists, hidden_names),)

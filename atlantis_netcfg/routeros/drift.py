@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros import _types, snapshot
 from atlantis_netcfg.routeros.api import Command
@@ -374,7 +375,7 @@ def _menu_differences(view: _RowView, plan: _types.Plan) -> Iterator[Difference]
     read = [raw for raw in raws if raw.actual_row is None or view.menu.is_ordered or not _types.is_bare(raw.actual_row)]
     yield from (_build_difference(view, raw) for raw in read)
     if unread := len(raws) - len(read):
-        subject = f"{unread} more rows"
+        subject = msg(f"{arg(unread)} more rows")
         yield Difference(view.menu.title, subject, DriftKind.ADDED, Owner.TECHNICIAN, why_unknown=_UNREAD)
     for secret in plan.hidden_secrets:
         if secret.menu == path:
@@ -485,13 +486,13 @@ class Past:
     @classmethod
     def read(cls, run: str, at: datetime, text: str) -> Past:
         """Parse the text written by `snapshot.write`. Raises RscError."""
-        state = snapshot.read(text, f"the state that run {run} confirmed")
+        state = snapshot.read(text, msg(f"the state that run {arg(run)} confirmed"))
         return cls(run, at, {path: tuple(item.defined_values for item in items) for path, items in state.items.items()})
 
     def since(self, menu: Menu, raw: Raw, rows: Sequence[_types.Row]) -> _Verdict:
         """Return when a difference arose, or why that is unknown; `rows` are the menu's current rows."""
         if menu.path not in self.rows:
-            return Since.UNKNOWN, f"run {self.run} did not read this menu"
+            return Since.UNKNOWN, msg(f"run {arg(self.run)} did not read this menu")
         if raw.kind is DriftKind.ORDER and raw.actual_row is not None:
             return self._order(menu, raw.actual_row, rows)
         if raw.actual_row is None:

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import _items
 from atlantis_netcfg.routeros.menus import MARK
 from atlantis_netcfg.routeros.scheduler_jobs import MENU as SCHEDULER
@@ -58,7 +59,10 @@ class LinkUse:
     @property
     def comment(self) -> str:
         """Comment of the job, for people on the router, and parsed by every run."""
-        return f"{MARK}: {self.link} in use until {self.until:{_STAMP}} UTC, uptime {self.until_uptime_s}s"
+        return msg(
+            f"{arg(MARK)}: {arg(self.link)} in use until {arg(self.until):{_STAMP}} UTC, uptime "
+            f"{arg(self.until_uptime_s)}s"
+        )
 
     def left_s(self, uptime_s: float | None) -> float | None:
         """Return the remaining time in seconds; None if the router's uptime is unknown."""
@@ -67,15 +71,16 @@ class LinkUse:
     def words(self, uptime_s: float | None) -> str:
         """Return the text that every run reports about the use."""
         remaining_s = self.left_s(uptime_s)
-        more = "" if remaining_s is None else f" ({_minutes(remaining_s)} left)"
-        return (
-            f"{self.link} is in use instead of the inventory's order until {self.until:{_STAMP}} UTC{more}, set "
-            "by `provision links use`: after that time, or after a restart, the router restores the order by itself"
+        more = msg("" if remaining_s is None else f" ({arg(_minutes(remaining_s))} left)")
+        return msg(
+            f"{arg(self.link)} is in use instead of the inventory's order until {arg(self.until):{_STAMP}} "
+            f"UTC{arg(more)}, set by `provision links use`: after that time, or after a restart, the router restores "
+            "the order by itself"
         )
 
 
 def _minutes(seconds: float) -> str:
-    return f"{round(seconds / 60)} min" if seconds >= 60 else f"{round(seconds)} s"  # noqa: PLR2004 - seconds of a minute
+    return msg(f"{arg(round(seconds / 60))} min" if seconds >= 60 else f"{arg(round(seconds))} s")  # noqa: PLR2004 - seconds of a minute
 
 
 def in_use(rows: Iterable[Row]) -> LinkUse | None:
@@ -239,7 +244,7 @@ def _script(desired_state: _items.DesiredState, use: LinkUse, since_uptime_s: in
     items = _routes(desired_state, use.link)
     usual = next(item.defined_values["distance"] for item in items if not _is_holding(item))
     holding = next((item.defined_values["distance"] for item in items if _is_holding(item)), None)
-    routes = f'comment~"^{MARK}: {use.link}, "'
+    routes = msg(f'comment~"^{arg(MARK)}: {arg(use.link)}, "')
     set_check, clear_check = ("check-gateway=arp ", "!check-gateway ") if any(map(_is_unwatched, items)) else ("", "")
     others = "|".join(address for name, address in addresses.items() if name != use.link)
 
@@ -247,22 +252,24 @@ def _script(desired_state: _items.DesiredState, use: LinkUse, since_uptime_s: in
         rows = f"{routes} distance={old}"
         return f":if ([:len [/ip route find {rows}]] > 0) do={{/ip route set [find {rows}] {more}distance={new}}}"
 
-    over = "; ".join(
+    over = join(
+        "; ",
         (
             *(move(distance, usual, clear_check) for distance in (_STARTING, _IN_USE)),
             *((move(_HOLDING, holding),) if holding is not None else ()),
             _cut(addresses[use.link]),
             f'/log info message="atlantis: {use.link} is not in use any more, the declared order is back"',
             f"/system scheduler remove [find name={USE}]",
-        )
+        ),
     )
     first = f"{routes} distance={_STARTING}"
-    on = "; ".join(
+    on = join(
+        "; ",
         (
             move(usual, _STARTING, set_check),
             *((move(holding, _HOLDING),) if holding is not None else ()),
             f":if ([:len [/ip route find {first} active]] > 0) do={{{_cut(others)}; {move(_STARTING, _IN_USE)}}}",
-        )
+        ),
     )
     uptime = "[/system resource get uptime]"
     last = use.until_uptime_s - TICK_S

@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import _types, api, pin
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
@@ -196,9 +197,9 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     version = _version(preflight.resource.check())
     missing = [path for path in required_menus if rows[path] is None]
     if missing:
-        names = ", ".join(MENUS[path].title for path in missing)
+        names = join(", ", (MENUS[path].title for path in missing))
         raise MenuMissing(
-            f"this device (RouterOS {version}) does not have {names}",
+            f"this device (RouterOS {arg(version)}) does not have {arg(names)}",
             hint="upgrade RouterOS, install the package that provides it, or remove these rows from the template",
         )
     present_rows = {path: there for path, there in rows.items() if there is not None}
@@ -379,9 +380,9 @@ def _configuration_rows(path: str, reply: api.Reply) -> tuple[_types.Row, ...]:
         return reply.rows
     if menu.shape is Shape.SINGLETON and len(reply.rows) > 1:
         raise DeviceError(
-            f"{menu.title}: settings are a single row, but the device returned {len(reply.rows)}; it is unknown "
-            "which one applies",
-            hint=f"check them on the device:  {menu.title} print",
+            f"{arg(menu.title)}: settings are a single row, but the device returned {arg(len(reply.rows))}; it is "
+            "unknown which one applies",
+            hint=f"check them on the device:  {arg(menu.title)} print",
         )
     names = (".id", *_properties(menu)) if menu.path in WHOLE else _properties(menu)
     return tuple({name: row[name] for name in names if name in row} for row in reply.rows)
@@ -400,7 +401,7 @@ def _version(resource: api.Reply) -> Version:
     try:
         return Version.parse(text)
     except ValueError:
-        raise DeviceError(f"unknown RouterOS version: `{text}`") from None
+        raise DeviceError(f"unknown RouterOS version: `{arg(text)}`") from None
 
 
 def _facts(

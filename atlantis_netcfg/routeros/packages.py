@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError, UsageError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import Version
 
 if TYPE_CHECKING:
@@ -73,7 +74,9 @@ def read_npk(path: Path) -> Npk:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise NotAPackage(f"{path}: {error.strerror or error}", hint="use a `.npk` file from MikroTik") from error
+        raise NotAPackage(
+            f"{arg(path)}: {arg(error.strerror or error)}", hint="use a `.npk` file from MikroTik"
+        ) from error
     header, architecture = _inside(path, data)
     file_name = _parsed_name(path)
     name = MAIN if header[0] in ("system", MAIN) or header[0].startswith(f"{MAIN}-") else header[0]
@@ -97,7 +100,7 @@ def _parsed_name(path: Path) -> _FileName:
     match = _NAME.fullmatch(path.name)
     if match is None or not _is_version(match["version"]):
         raise NotAPackage(
-            f"{path}: not a valid package name",
+            f"{arg(path)}: not a valid package name",
             hint="keep MikroTik's own file names, for example routeros-7.18.2-arm64.npk",
         )
     name, first, last = match["name"], match["first"], match["last"]
@@ -131,17 +134,17 @@ def _inside(path: Path, data: bytes) -> tuple[tuple[str, tuple[int, int, int]], 
             word = body.rstrip(b"\0").decode("ascii", "replace")
             architecture = _architecture_of(word) or word
     if info is None or architecture is None:
-        raise NotAPackage(f"{path}: a package without a name or an architecture", hint="download it again")
+        raise NotAPackage(f"{arg(path)}: a package without a name or an architecture", hint="download it again")
     return info, architecture
 
 
 def _parts(path: Path, data: bytes) -> Iterator[tuple[int, bytes]]:
     if len(data) < _HEAD.size or data[:4] != _MAGIC:
-        raise NotAPackage(f"{path}: not a RouterOS package", hint="use a `.npk` file from MikroTik")
+        raise NotAPackage(f"{arg(path)}: not a RouterOS package", hint="use a `.npk` file from MikroTik")
     _magic, rest = _HEAD.unpack_from(data)
     if rest != len(data) - _HEAD.size:
         raise NotAPackage(
-            f"{path}: {len(data)} bytes long, but its header says {rest + _HEAD.size}",
+            f"{arg(path)}: {arg(len(data))} bytes long, but its header says {arg(rest + _HEAD.size)}",
             hint="download it again: it is truncated",
         )
     at = _HEAD.size
@@ -156,13 +159,15 @@ def _parts(path: Path, data: bytes) -> Iterator[tuple[int, bytes]]:
             break
         yield kind, data[at : at + size]
         at += size
-    raise NotAPackage(f"{path}: the sizes of its parts do not match its size", hint="download it again: it is damaged")
+    raise NotAPackage(
+        f"{arg(path)}: the sizes of its parts do not match its size", hint="download it again: it is damaged"
+    )
 
 
 def _require_match(path: Path, what: str, from_name: str, inside: str) -> None:
     if from_name != inside:
         raise NotAPackage(
-            f"{path}: according to its name the {what} is {from_name}, but inside it is {inside}",
+            f"{arg(path)}: according to its name the {arg(what)} is {arg(from_name)}, but inside it is {arg(inside)}",
             hint="keep MikroTik's own file names",
         )
 
@@ -251,7 +256,7 @@ def plan(system: InstalledSystem, packages: Sequence[Npk], *, give_up: Sequence[
     if not reasons:
         reasons = [*_left_behind(system, packages, version, give_up), *_space_reasons(system, packages)]
     if reasons:
-        raise UpgradeError("not upgraded, nothing was sent: " + "; ".join(reasons), hint=_hint(system))
+        raise UpgradeError("not upgraded, nothing was sent: " + str(arg(join("; ", reasons))), hint=_hint(system))
     there = {package.name: package for package in system.packages}
     send = tuple(
         package
@@ -264,7 +269,7 @@ def plan(system: InstalledSystem, packages: Sequence[Npk], *, give_up: Sequence[
 
 
 def _hint(system: InstalledSystem) -> str:
-    return f"the device: {system.board}, {system.architecture}, RouterOS {system.version}"
+    return msg(f"the device: {arg(system.board)}, {arg(system.architecture)}, RouterOS {arg(system.version)}")
 
 
 def _package_set_reasons(packages: Sequence[Npk]) -> list[str]:
@@ -274,36 +279,42 @@ def _package_set_reasons(packages: Sequence[Npk]) -> list[str]:
     if not packages:
         reasons.append("no package given")
     if twice:
-        reasons.append(f"{', '.join(twice)} is given twice")
+        reasons.append(msg(f"{arg(join(', ', twice))} is given twice"))
     versions = sorted({package.version for package in packages})
     if len(versions) > 1:
-        files = ", ".join(f"{package.path.name}" for package in packages)
-        reasons.append(f"packages of different versions do not work together: {files}")
+        files = join(", ", (f"{package.path.name}" for package in packages))
+        reasons.append(msg(f"packages of different versions do not work together: {arg(files)}"))
     if _LEGACY_RADIO in names and (other := sorted(set(names) & {"wifi-qcom", "wifi-qcom-ac"})):
-        reasons.append(f"{_LEGACY_RADIO} and {other[0]} cannot be active together: pass only one of them")
+        reasons.append(
+            msg(f"{arg(_LEGACY_RADIO)} and {arg(other[0])} cannot be active together: pass only one of them")
+        )
     return reasons
 
 
 def _device_reasons(system: InstalledSystem, packages: Sequence[Npk], version: Version) -> list[str]:
     architecture = _CHR.get(system.architecture, system.architecture)
     reasons = [
-        f"{package.path.name} is for {package.architecture}, the device is {system.architecture}"
+        msg(f"{arg(package.path.name)} is for {arg(package.architecture)}, the device is {arg(system.architecture)}")
         for package in packages
         if package.architecture != architecture
     ]
     if version < system.version:
-        reasons.append(f"the device has {system.version}; this command does not downgrade to {version}")
+        reasons.append(msg(f"the device has {arg(system.version)}; this command does not downgrade to {arg(version)}"))
     if system.factory is not None and version < system.factory:
-        reasons.append(f"this board needs {system.factory} or later")
+        reasons.append(msg(f"this board needs {arg(system.factory)} or later"))
     if version != system.version and not any(package.name == MAIN for package in packages):
         reasons.append(
-            f"the packages are of {version}, the device runs {system.version}:"
-            f" the {MAIN} package of {version} is missing"
+            msg(
+                f"the packages are of {arg(version)}, the device runs {arg(system.version)}:"
+                f" the {arg(MAIN)} package of {arg(version)} is missing"
+            )
         )
     if version.major > system.version.major and not system.bundle:
         reasons.append(
-            f"RouterOS {system.version.major} on this device consists of single packages: upgrade it to the bundle "
-            "first"
+            msg(
+                f"RouterOS {arg(system.version.major)} on this device consists of single packages: upgrade it to the "
+                "bundle first"
+            )
         )
     return reasons
 
@@ -321,16 +332,21 @@ def _left_behind(
         if not heirs or names & set(heirs) or package.name in give_up:
             continue
         reasons.append(
-            f"{package.name} is installed, but the new packages have no {' or '.join(heirs)} of {version} (add it, "
-            f"or do without it with drop={package.name})"
+            msg(
+                f"{arg(package.name)} is installed, but the new packages have no {arg(' or '.join(heirs))} of "
+                f"{arg(version)} (add it, or do without it with drop={arg(package.name)})"
+            )
         )
     crossing = system.version < SPLIT <= version
     drivers = {_LEGACY_RADIO, *_NEW_RADIO}
     loses_driver = crossing and system.radios and not names & drivers and _LEGACY_RADIO not in give_up
     if loses_driver and not any(package.name == "wifiwave2" for package in system.packages):
         reasons.append(
-            f"from {SPLIT} on the driver of {', '.join(system.radios)} is a separate package: add "
-            f"wireless-{version}-{system.architecture}.npk (or drop={_LEGACY_RADIO}, and lose the radio)"
+            msg(
+                f"from {arg(SPLIT)} on the driver of {arg(join(', ', system.radios))} is a separate package: add "
+                f"wireless-{arg(version)}-{arg(system.architecture)}.npk (or drop={arg(_LEGACY_RADIO)}, and lose the "
+                "radio)"
+            )
         )
     return reasons
 
@@ -348,15 +364,17 @@ def _space_reasons(system: InstalledSystem, packages: Sequence[Npk]) -> list[str
     need = sum(package.size for package in packages) + _SPARE_BYTES
     if system.free_bytes >= need:
         return []
-    return [f"the device has {system.free_bytes // 1024} KiB free, but {need // 1024} KiB are needed"]
+    return [msg(f"the device has {arg(system.free_bytes // 1024)} KiB free, but {arg(need // 1024)} KiB are needed")]
 
 
 def _notes(system: InstalledSystem, version: Version) -> list[str]:
     notes = ["the device reboots; meanwhile everything that it powers by PoE and every link over it is down"]
     if version.major > system.version.major:
         notes.append(
-            f"from RouterOS {system.version.major} to {version.major} the device rewrites its configuration:"
-            " compare the saved export with the new one"
+            msg(
+                f"from RouterOS {arg(system.version.major)} to {arg(version.major)} the device rewrites its "
+                "configuration: compare the saved export with the new one"
+            )
         )
     notes.append("the boot loader is not upgraded: /system/routerboard/upgrade does that, and needs another reboot")
     return notes

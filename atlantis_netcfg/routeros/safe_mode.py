@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class Holder:
 def holder_error(who: str) -> SafeModeUnavailable:
     """Return the error that somebody else already holds safe mode."""
     return SafeModeUnavailable(
-        f"{who} holds safe mode, which only one session can hold",
+        f"{arg(who)} holds safe mode, which only one session can hold",
         hint="let them release or undo it, then run the same command again",
     )
 
@@ -80,7 +81,7 @@ def _take_failed(take: Reply, holder: Holder) -> SafeModeUnavailable:
     if holder.is_taken and not holder.ours:
         return holder_error(holder.who)
     words = take.trap.message if take.trap is not None else "the device reports that it is not taken"
-    failure = SafeModeUnavailable(f"safe mode could not be taken: {words}")
+    failure = SafeModeUnavailable(f"safe mode could not be taken: {arg(words)}")
     failure.reason = words
     return failure
 
@@ -207,7 +208,7 @@ class ApiSafeMode(NoSafeMode):
             holder = await self.look(session)
         if reply.trap is not None or is_held(holder):
             words = reply.trap.message if reply.trap is not None else "it is still taken"
-            raise ProtectionLost(f"safe mode could not be released: {words}")
+            raise ProtectionLost(f"safe mode could not be released: {arg(words)}")
         return witness_replies
 
     async def release_of(self, session: Channel, owner: str) -> None:
@@ -217,8 +218,8 @@ class ApiSafeMode(NoSafeMode):
         """
         holder = await self.look(session)
         if not holder.is_taken or holder.who != owner:
-            cause = f"taken by {holder.who}" if holder.is_taken else "given up"
-            raise ProtectionLost(f"safe mode was {cause} before the end")
+            cause = msg(f"taken by {arg(holder.who)}" if holder.is_taken else "given up")
+            raise ProtectionLost(f"safe mode was {arg(cause)} before the end")
         await self.release(session, (), owner)
 
     async def unroll(self, session: Channel) -> None:

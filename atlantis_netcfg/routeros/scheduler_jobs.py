@@ -24,6 +24,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
@@ -99,7 +100,11 @@ def forbidden(facts: Facts) -> str | None:
     mode = facts.device_mode
     if mode.get("flagged") in _TRUE:
         return "the device is flagged and refuses new jobs"
-    return f"device-mode {mode.get('mode', '')} forbids the scheduler" if mode.get("scheduler") in _FALSE else None
+    return (
+        msg(f"device-mode {arg(mode.get('mode', ''))} forbids the scheduler")
+        if mode.get("scheduler") in _FALSE
+        else None
+    )
 
 
 async def arm_dead_man(session: Channel, script: str, owner: str, after_s: float, now: float) -> DeadMan:
@@ -133,7 +138,9 @@ async def _moment(session: Channel, after_s: float) -> datetime:
     try:
         now = datetime.strptime(f"{row['date']} {row['time']}", "%Y-%m-%d %H:%M:%S")  # noqa: DTZ007 - its own zone
     except (KeyError, ValueError):
-        raise DeviceError(f"its clock shows {row.get('date')} {row.get('time')}, which is not a valid time") from None
+        raise DeviceError(
+            f"its clock shows {arg(row.get('date'))} {arg(row.get('time'))}, which is not a valid time"
+        ) from None
     return now + timedelta(seconds=after_s)
 
 
@@ -144,14 +151,14 @@ async def _arm(session: Channel, name: str, owner: str, values: Mapping[str, str
     if reply.trap is not None:
         if rows:
             raise JobConflict(
-                f"{jobs_of(rows)[0].owner} has already armed one",
+                f"{arg(jobs_of(rows)[0].owner)} has already armed one",
                 hint="wait until it has ended, then run the same command again",
             )
-        raise WillNotRun(f"the device says: {reply.trap.message}")
+        raise WillNotRun(f"the device says: {arg(reply.trap.message)}")
     why = _idle(rows)
     if why is not None:
         await session.command(_removal_command(reply.ret or ""))
-        raise WillNotRun(f"the job would not run: {why}")
+        raise WillNotRun(f"the job would not run: {arg(why)}")
     return reply.ret or rows[0][".id"]
 
 

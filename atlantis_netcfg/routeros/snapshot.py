@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import rsc
 from atlantis_netcfg.routeros.desired import from_export
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, PropertyKind, Shape, canonical, rank
@@ -43,8 +44,8 @@ def write(device: str, desired_state: DesiredState, observation: Observation) ->
         for statement in _statement(menu, row, declared_names, used)
     ]
     header = (
-        f"confirmed state of {device}: the inventory's menus as they were read back, without secrets",
-        f"by RouterOS {facts.version}",
+        msg(f"confirmed state of {arg(device)}: the inventory's menus as they were read back, without secrets"),
+        msg(f"by RouterOS {arg(facts.version)}"),
         f"model = {facts.board}",
     )
     return rsc.print_export(rsc.Export(header, tuple(statements), tuple(menu.path for menu in menus)))

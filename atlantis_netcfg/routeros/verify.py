@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceError, OutcomeUnknown
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import api, pin, safe_mode
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
 from atlantis_netcfg.routeros.commands import build_completion_query, refusal, script_command
@@ -92,7 +93,7 @@ def _print(menu: str, properties: str) -> api.Command:
 
 def _refusal_text(reply: api.Reply) -> str | None:
     """Return the device's message if it has refused the request; None otherwise."""
-    return None if reply.trap is None else f"refused: {reply.trap.message}"
+    return None if reply.trap is None else msg(f"refused: {arg(reply.trap.message)}")
 
 
 def _judge_unknown_property(replies: Sequence[api.Reply]) -> Judgement:
@@ -102,16 +103,18 @@ def _judge_unknown_property(replies: Sequence[api.Reply]) -> Judgement:
         return Verdict.FAIL, words
     if len(reply.rows) == 1 and "name" in reply.rows[0] and "atlantis-unknown" not in reply.rows[0]:
         return Verdict.PASS, "ignored; the known property was returned"
-    return Verdict.FAIL, f"{len(reply.rows)} rows, none with only the known property"
+    return Verdict.FAIL, msg(f"{arg(len(reply.rows))} rows, none with only the known property")
 
 
 def _judge_count(replies: Sequence[api.Reply]) -> Judgement:
     number, list_reply = replies
     words = _refusal_text(number)
     if words is not None or number.ret is None or not number.ret.isdecimal():
-        return Verdict.FAIL, words or f"no number, and {len(number.rows)} rows"
+        return Verdict.FAIL, words or msg(f"no number, and {arg(len(number.rows))} rows")
     same = int(number.ret) == len(list_reply.rows)
-    return (Verdict.PASS if same else Verdict.FAIL), f"counted {number.ret}, listed {len(list_reply.rows)}"
+    return (Verdict.PASS if same else Verdict.FAIL), msg(
+        f"counted {arg(number.ret)}, listed {arg(len(list_reply.rows))}"
+    )
 
 
 def _order(rows: Sequence[Row], moment: str) -> Verdict | None:
@@ -134,8 +137,8 @@ def _judge_sessions(replies: Sequence[api.Reply]) -> Judgement:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
     order = _order(reply.rows, "when")
     if order is None:
-        return Verdict.INCONCLUSIVE, f"{len(reply.rows)} sessions, in no visible order"
-    return order, f"{len(reply.rows)} sessions, {'oldest' if order is Verdict.PASS else 'newest'} first"
+        return Verdict.INCONCLUSIVE, msg(f"{arg(len(reply.rows))} sessions, in no visible order")
+    return order, msg(f"{arg(len(reply.rows))} sessions, {'oldest' if order is Verdict.PASS else 'newest'} first")
 
 
 def _judge_history_order(replies: Sequence[api.Reply]) -> Judgement:
@@ -145,13 +148,13 @@ def _judge_history_order(replies: Sequence[api.Reply]) -> Judgement:
     if len(reply.rows) < 2:  # noqa: PLR2004 - an order needs two
         return (
             Verdict.SKIP,
-            f"{len(reply.rows)} entries in the history: change something, then run the same command again",
+            msg(f"{arg(len(reply.rows))} entries in the history: change something, then run the same command again"),
         )
     order = _order(reply.rows, "time")
     if order is None:
-        return Verdict.INCONCLUSIVE, f"{len(reply.rows)} entries, in no visible order"
+        return Verdict.INCONCLUSIVE, msg(f"{arg(len(reply.rows))} entries, in no visible order")
     verdict = {Verdict.PASS: Verdict.FAIL, Verdict.FAIL: Verdict.PASS}[order]
-    return verdict, f"{len(reply.rows)} entries, {'newest' if verdict is Verdict.PASS else 'oldest'} first"
+    return verdict, msg(f"{arg(len(reply.rows))} entries, {'newest' if verdict is Verdict.PASS else 'oldest'} first")
 
 
 def _judge_history_names(replies: Sequence[api.Reply]) -> Judgement:
@@ -163,11 +166,15 @@ def _judge_history_names(replies: Sequence[api.Reply]) -> Judgement:
     if not about:
         return (
             Verdict.SKIP,
-            f"{len(reply.rows)} entries, none of an existing row: change one, then run the same command again",
+            msg(
+                f"{arg(len(reply.rows))} entries, none of an existing row: change one, then run the same command again"
+            ),
         )
     naming = [command for command in about if re.search(r"\*[0-9A-Fa-f]+", command)]
     # Settings have no row to name, so that a few may name none.
-    return (Verdict.PASS if naming else Verdict.FAIL), f"{len(naming)} of {len(about)} commands name an .id"
+    return (Verdict.PASS if naming else Verdict.FAIL), msg(
+        f"{arg(len(naming))} of {arg(len(about))} commands name an .id"
+    )
 
 
 def _judge_netwatch(replies: Sequence[api.Reply]) -> Judgement:
@@ -178,7 +185,7 @@ def _judge_netwatch(replies: Sequence[api.Reply]) -> Judgement:
     if not values:
         return Verdict.SKIP, "there is no netwatch row"
     other = next((value for value, form in values if not form.fullmatch(value)), None)
-    return (Verdict.PASS, f"{len(values)} values") if other is None else (Verdict.FAIL, f"`{other}`")
+    return (Verdict.PASS, msg(f"{arg(len(values))} values")) if other is None else (Verdict.FAIL, f"`{other}`")
 
 
 _FROM_B_TO_T = ("?<name=b", "?#!", "?<name=t", "?#&")
@@ -188,8 +195,10 @@ def _judge_text_order(replies: Sequence[api.Reply]) -> Judgement:
     every, some = ([row.get("name", "") for row in reply.rows] for reply in replies)
     between = [name for name in every if "b" <= name < "t"]
     if not 0 < len(between) < len(every):
-        return Verdict.INCONCLUSIVE, f"of {len(every)} services {len(between)} lie between b and t"
-    return (Verdict.PASS if some == between else Verdict.FAIL), f"{', '.join(some) or 'none'} between b and t"
+        return Verdict.INCONCLUSIVE, msg(f"of {arg(len(every))} services {arg(len(between))} lie between b and t")
+    return (Verdict.PASS if some == between else Verdict.FAIL), msg(
+        f"{arg(join(', ', some) or 'none')} between b and t"
+    )
 
 
 _NETWATCH = {"interval": _TIME, "timeout": _TIME, "thr-loss-percent": _SHARE}
@@ -209,7 +218,7 @@ def _judge_pin_words(replies: Sequence[api.Reply]) -> Judgement:
 def _judge_ping(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is None:
-        return Verdict.PASS, f"{len(reply.rows)} responses of the device to itself"
+        return Verdict.PASS, msg(f"{arg(len(reply.rows))} responses of the device to itself")
     missing = reply.trap.message.startswith(("no such command", "bad command name"))
     return (Verdict.FAIL if missing else Verdict.INCONCLUSIVE), str(_refusal_text(reply))
 
@@ -225,7 +234,7 @@ def _judge_refusal(replies: Sequence[api.Reply]) -> Judgement | None:
     if trap is None:
         return None
     missing = trap.message.startswith(("no such command", "bad command name", "unknown parameter"))
-    return (Verdict.SKIP if missing else Verdict.INCONCLUSIVE), f"refused: {trap.message}"
+    return (Verdict.SKIP if missing else Verdict.INCONCLUSIVE), msg(f"refused: {arg(trap.message)}")
 
 
 _PARSE_LINES = ("/system/identity/print", "/system/identity/set atlantis=no", "/atlantis")
@@ -238,10 +247,12 @@ def _judge_parse_words(replies: Sequence[api.Reply]) -> Judgement:
         return judgement
     valid_text, *wrong = [(reply.ret or "").strip() for reply in replies]
     if not valid_text.startswith("(evl /"):
-        return Verdict.FAIL, f"for a valid line it prints `{valid_text}`"
+        return Verdict.FAIL, msg(f"for a valid line it prints `{arg(valid_text)}`")
     other = next((text for text in wrong if not refusal(text)), None)
     return (
-        (Verdict.PASS, f"`{wrong[0]}`") if other is None else (Verdict.FAIL, f"for an invalid line it prints `{other}`")
+        (Verdict.PASS, f"`{wrong[0]}`")
+        if other is None
+        else (Verdict.FAIL, msg(f"for an invalid line it prints `{arg(other)}`"))
     )
 
 
@@ -250,7 +261,7 @@ def _judge_parse_nested(replies: Sequence[api.Reply]) -> Judgement:
     if judgement is not None:
         return judgement
     text = (replies[0].ret or "").strip()
-    return (Verdict.PASS if text == "atlantis" else Verdict.FAIL), f"the inner script's output is `{text}`"
+    return (Verdict.PASS if text == "atlantis" else Verdict.FAIL), msg(f"the inner script's output is `{arg(text)}`")
 
 
 def _ambiguous(replies: Sequence[api.Reply]) -> Judgement:
@@ -260,7 +271,7 @@ def _ambiguous(replies: Sequence[api.Reply]) -> Judgement:
         return judgement
     several, nobody = [(reply.ret or "").strip() for reply in replies]
     if nobody.startswith("(evl /") or not nobody:
-        return Verdict.INCONCLUSIVE, f"for an unknown argument it prints `{nobody}`"
+        return Verdict.INCONCLUSIVE, msg(f"for an unknown argument it prints `{arg(nobody)}`")
     # The column may be that behind the name.
     same = re.sub(r"\bco\b|column \d+", "", several) == re.sub(r"\batlantis\b|column \d+", "", nobody)
     return (Verdict.PASS if same else Verdict.FAIL), f"`{several}`"
@@ -278,12 +289,12 @@ def _judge_inspection(replies: Sequence[api.Reply]) -> Judgement:
         return judgement
     *lists, query_result = [tuple(sorted(row.get("completion", "") for row in reply.rows)) for reply in replies]
     if not set(_QUERY_WORDS) < set(lists[0]):
-        return Verdict.FAIL, f"the list of `{_LIST_ARGUMENT[1]}` is {', '.join(lists[0]) or 'empty'}"
+        return Verdict.FAIL, msg(f"the list of `{arg(_LIST_ARGUMENT[1])}` is {arg(join(', ', lists[0]) or 'empty')}")
     if len(set(lists)) > 1:
-        return Verdict.FAIL, f"{len(set(lists))} different lists in {len(lists)} responses"
-    return (Verdict.PASS if query_result == _QUERY_WORDS else Verdict.FAIL), (
-        f"the same {len(lists[0])} words in {len(lists)} responses, of which a query selects "
-        f"{', '.join(query_result) or 'none'}"
+        return Verdict.FAIL, msg(f"{arg(len(set(lists)))} different lists in {arg(len(lists))} responses")
+    return (Verdict.PASS if query_result == _QUERY_WORDS else Verdict.FAIL), msg(
+        f"the same {arg(len(lists[0]))} words in {arg(len(lists))} responses, of which a query selects "
+        f"{arg(join(', ', query_result) or 'none')}"
     )
 
 
@@ -343,9 +354,9 @@ async def read(endpoint: api.Endpoint) -> SeenAnswers:
         if monitor != pin.MONITOR:
             replies[questions.index(pin.MONITOR)] = await session.command(monitor)
         tls = session.tls_version
-    silent = f"no response with {api.READING_WINDOW} requests in flight, responses with {api.WINDOW}"
+    silent = msg(f"no response with {arg(api.READING_WINDOW)} requests in flight, responses with {arg(api.WINDOW)}")
     judgements = {
-        "api-flight-100": (Verdict.FAIL, silent) if narrow else (Verdict.PASS, f"{len(many)} responses"),
+        "api-flight-100": (Verdict.FAIL, silent) if narrow else (Verdict.PASS, msg(f"{arg(len(many))} responses")),
         "tls-version": (Verdict.PASS if tls == "TLSv1.2" else Verdict.FAIL, tls),
     }
     for name, check in CHECKS.items():
@@ -396,8 +407,8 @@ _ROUTE, _BRIDGE, _JOB = "/ip/route", "/interface/bridge", "/system/scheduler"
 _SCRATCH_MENUS = (_MENU, _ROUTE, _BRIDGE, _JOB)
 """Menus with scratch rows, in the order of removal."""
 _EVERY_MARKED = tuple(map(_scratch_query, _SCRATCH_MENUS))
-_BY_HAND = "; ".join(
-    f'{menu.replace("/", " ").replace(" ", "/", 1)} remove [find comment="{MARK}"]' for menu in _SCRATCH_MENUS
+_BY_HAND = join(
+    "; ", (f'{menu.replace("/", " ").replace(" ", "/", 1)} remove [find comment="{MARK}"]' for menu in _SCRATCH_MENUS)
 )
 _ALL = _print(_MENU, ".id")
 _HISTORY = _print("/system/history", ".id")
@@ -443,8 +454,8 @@ async def _refuse(session: api.Session) -> None:
     leftover_count = sum(len(reply.check().rows) for reply in replies)
     if leftover_count:
         raise DeviceError(
-            f"nothing was tried: {leftover_count} scratch rows of an earlier try are left",
-            hint=f"on the device:  {_BY_HAND}",
+            f"nothing was tried: {arg(leftover_count)} scratch rows of an earlier try are left",
+            hint=f"on the device:  {arg(_BY_HAND)}",
         )
 
 
@@ -456,9 +467,12 @@ async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dic
         try:
             replies = await session.flight([_add_command(f"flight-{number}") for number in range(api.WINDOW)])
         except api.SessionLost:
-            judgements["api-flight-24"] = (Verdict.FAIL, f"the session was lost with {api.WINDOW} writes in flight")
+            judgements["api-flight-24"] = (
+                Verdict.FAIL,
+                msg(f"the session was lost with {arg(api.WINDOW)} writes in flight"),
+            )
             raise
-        judgements["api-flight-24"] = (Verdict.PASS, f"{len(replies)} responses")
+        judgements["api-flight-24"] = (Verdict.PASS, msg(f"{arg(len(replies))} responses"))
         judgements["api-tagged-order"], ids = _judge_id_order(replies)
         if ids:
             await session.command(api.Command(f"{_MENU}/remove", ((".id", f"*{max(ids):X}"),)))
@@ -467,7 +481,7 @@ async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dic
             words = "greater than all before it" if has_grown else "not greater than all before it"
             judgements["api-ids-grow"] = (
                 Verdict.PASS if has_grown else Verdict.FAIL,
-                f"the .id after a removal is {words}",
+                msg(f"the .id after a removal is {arg(words)}"),
             )
         await _by_scripts(session, judgements)
         judgements["name-in-routes"] = await _by_name(session)
@@ -477,7 +491,7 @@ async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dic
     scratch_rows = (await watcher.command(_SCRATCH_ROWS)).check().rows
     script_rows = [row for row in scratch_rows if row.get("name", "").startswith("script-")]
     if script_rows:
-        judgements["safe-mode-undoes-scripts"] = (Verdict.FAIL, f"{len(script_rows)} script rows are left")
+        judgements["safe-mode-undoes-scripts"] = (Verdict.FAIL, msg(f"{arg(len(script_rows))} script rows are left"))
     elif after != before:
         judgements["safe-mode-undoes-scripts"] = (Verdict.INCONCLUSIVE, "the menu is not as before the test")
     elif judgements["execute-stops"][0] is not Verdict.INCONCLUSIVE:
@@ -498,7 +512,10 @@ def _judge_id_order(replies: Sequence[api.Reply]) -> tuple[Judgement, list[int]]
         return (Verdict.INCONCLUSIVE, str(words)), []
     rising = all(a < b for a, b in pairwise(known_ids))
     words = "in the order of sending" if rising else "not in the order of sending"
-    return (Verdict.PASS if rising else Verdict.FAIL, f"{len(known_ids)} rows were added {words}"), known_ids
+    return (
+        Verdict.PASS if rising else Verdict.FAIL,
+        msg(f"{arg(len(known_ids))} rows were added {arg(words)}"),
+    ), known_ids
 
 
 async def _by_scripts(session: api.Session, judgements: dict[str, Judgement]) -> None:
@@ -520,7 +537,7 @@ async def _by_scripts(session: api.Session, judgements: dict[str, Judgement]) ->
     verdict = (
         Verdict.INCONCLUSIVE if not before or not after else Verdict.PASS if number == _SCRIPT_ROWS else Verdict.FAIL
     )
-    judgements["safe-mode-counts-rows"] = (verdict, f"{number} entries for {_SCRIPT_ROWS} rows")
+    judgements["safe-mode-counts-rows"] = (verdict, msg(f"{arg(number)} entries for {arg(_SCRIPT_ROWS)} rows"))
     wrong = await session.command(
         _script_command(
             f'{_add_line("script-first")}/ip dns static set *FFFFFF comment="{MARK}"\n{_add_line("script-after")}'
@@ -532,7 +549,7 @@ async def _by_scripts(session: api.Session, judgements: dict[str, Judgement]) ->
         is_confirmed = "no such item" in (wrong.ret or "")
         judgements["execute-error-text"] = (
             Verdict.PASS if is_confirmed else Verdict.FAIL,
-            f"the output is `{wrong.ret or ''}`",
+            msg(f"the output is `{arg(wrong.ret or '')}`"),
         )
     names = {row.get("name", "").partition(".")[0] for row in (await session.command(_SCRATCH_ROWS)).check().rows}
     if "script-first" not in names:
@@ -564,7 +581,9 @@ async def _by_name(session: api.Session) -> Judgement:
         return Verdict.INCONCLUSIVE, str(_refusal_text(rename_reply))
     route_reply = await session.command(replace(_print(_ROUTE, "gateway"), queries=(f"?.id={ids[1]}",)))
     gateway = next((row.get("gateway", "") for row in route_reply.rows), "")
-    return (Verdict.PASS if gateway == _AFTER else Verdict.FAIL), f"renamed to {_AFTER}, the route shows `{gateway}`"
+    return (Verdict.PASS if gateway == _AFTER else Verdict.FAIL), msg(
+        f"renamed to {arg(_AFTER)}, the route shows `{arg(gateway)}`"
+    )
 
 
 ON_EVENT: Final = 60_000
@@ -579,11 +598,11 @@ async def _by_job(session: api.Session) -> Judgement:
         return Verdict.FAIL, str(_refusal_text(add_reply))
     job_reply = await session.command(replace(_print(_JOB, "on-event"), queries=(f"?comment={MARK}",)))
     if job_reply.trap is not None or len(job_reply.rows) != 1:
-        return Verdict.INCONCLUSIVE, _refusal_text(job_reply) or f"{len(job_reply.rows)} jobs are shown"
+        return Verdict.INCONCLUSIVE, _refusal_text(job_reply) or msg(f"{arg(len(job_reply.rows))} jobs are shown")
     stored_bytes = len(job_reply.rows[0].get("on-event", ""))
-    return (
-        Verdict.PASS if stored_bytes == ON_EVENT else Verdict.FAIL
-    ), f"of {ON_EVENT:,} bytes it stored {stored_bytes:,}"
+    return (Verdict.PASS if stored_bytes == ON_EVENT else Verdict.FAIL), msg(
+        f"of {arg(ON_EVENT):,} bytes it stored {arg(stored_bytes):,}"
+    )
 
 
 def _ids(reply: api.Reply) -> set[str]:
@@ -611,7 +630,7 @@ async def _by_two(endpoint: api.Endpoint, watcher: api.Session, judgements: dict
         outcome = "kept" if still else "lost"
         judgements["safe-mode-second-taker"] = (
             Verdict.FAIL,
-            f"the second session {words}, the first has {outcome} safe mode",
+            msg(f"the second session {arg(words)}, the first has {arg(outcome)} safe mode"),
         )
 
 
@@ -622,9 +641,9 @@ async def _by_close(endpoint: api.Endpoint, watcher: api.Session, judgements: di
         (await session.command(_add_command("close"))).check()
     elapsed_s = await _wait_until_gone(watcher, CLOSE_S)
     if elapsed_s is None:
-        judgements["safe-mode-close"] = (Verdict.FAIL, f"not undone {CLOSE_S:.0f} s after the close")
+        judgements["safe-mode-close"] = (Verdict.FAIL, msg(f"not undone {arg(CLOSE_S):.0f} s after the close"))
     else:
-        judgements["safe-mode-close"] = (Verdict.PASS, f"undone within {max(1.0, elapsed_s):.0f} s")
+        judgements["safe-mode-close"] = (Verdict.PASS, msg(f"undone within {arg(max(1.0, elapsed_s)):.0f} s"))
 
 
 async def fall_silent(endpoint: api.Endpoint) -> AssumptionFinding:
@@ -641,14 +660,14 @@ async def fall_silent(endpoint: api.Endpoint) -> AssumptionFinding:
         finally:
             await _clean_up(endpoint)
     if elapsed_s is None:
-        judgement = (Verdict.FAIL, f"not undone after {UNDO_S / 60:.0f} minutes")
+        judgement = (Verdict.FAIL, msg(f"not undone after {arg(UNDO_S / 60):.0f} minutes"))
     elif elapsed_s < _SOON_S:
         judgement = (
             Verdict.INCONCLUSIVE,
-            f"undone within {elapsed_s:.0f} s: the session had ended, it was not just silent",
+            msg(f"undone within {arg(elapsed_s):.0f} s: the session had ended, it was not just silent"),
         )
     else:
-        judgement = (Verdict.PASS, f"undone after {elapsed_s / 60:.1f} minutes of silence")
+        judgement = (Verdict.PASS, msg(f"undone after {arg(elapsed_s / 60):.1f} minutes of silence"))
     return AssumptionFinding.of(name, judgement)
 
 
@@ -669,7 +688,7 @@ async def _clean_up(endpoint: api.Endpoint) -> None:
     """Check in a new session that no row is left; remove what safe mode has not undone. Raises OutcomeUnknown."""
     unknown = OutcomeUnknown(
         "the device does not confirm that the scratch rows are gone",
-        hint=f"after ten minutes, on the device:  {_BY_HAND}",
+        hint=f"after ten minutes, on the device:  {arg(_BY_HAND)}",
     )
     try:
         async with await api.Session.open(endpoint) as session:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.atomic_files import sync_directory
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,7 +53,7 @@ _STAMP = re.compile(r"\d{8}T\d{6}Z")
 def component(name: str) -> str:
     """Return `name` if it is a safe file name. Raises ValueError otherwise."""
     if _NAME.fullmatch(name) is None:
-        raise ValueError(f"not usable as a file name: {name!r}")
+        raise ValueError(msg(f"not usable as a file name: {arg(name)!r}"))
     return name
 
 
@@ -107,7 +108,7 @@ def unwritable(what: str, path: Path, error: OSError) -> JournalError:
     """Return the error for a file that could not be written."""
     reason = error.strerror or str(error)
     return JournalError(
-        f"{what} cannot be written: {reason} ({path})",
+        f"{arg(what)} cannot be written: {arg(reason)} ({arg(path)})",
         hint="free disk space or correct the permissions, then run the same command again",
     )
 
@@ -115,6 +116,6 @@ def unwritable(what: str, path: Path, error: OSError) -> JournalError:
 def missing_file_error(what: str, path: Path) -> JournalError:
     """Return the error for an open file that was moved or deleted, so that writes to it would be lost."""
     return JournalError(
-        f"{what} cannot be written: the folder of the run was deleted or replaced during the run ({path})",
+        f"{arg(what)} cannot be written: the folder of the run was deleted or replaced during the run ({arg(path)})",
         hint="keep the state folder on a disk that stays mounted, then run the same command again",
     )

@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import re
-from dataclasses import Field, dataclass, replace
+from dataclasses import Field, dataclass, fields, replace
 from datetime import UTC, datetime
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.eventlog import EventLog, split
+from atlantis_netcfg.core.messages import arg, msg, pack, unpack
 from atlantis_netcfg.runs import files
 from atlantis_netcfg.runs.records import Record, StateBackup, StateConfirmation
 
@@ -57,6 +58,7 @@ class Log:
 def line(entry: LogEntry, previous: bytes = b"") -> bytes:
     """Return the record as one line of the file; its checksum continues that of the `previous` line."""
     data = {"at": entry.at.isoformat(timespec="milliseconds"), **_RECORDS.dump_python(entry.record, mode="json")}
+    data |= {name: value for name, value in pack(_fields(entry.record)).items() if name == "texts"}
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode(errors="replace").removesuffix(b"}")
     return b'%s,"sum":"%s"}\n' % (text, _checksum(previous, text))
 
@@ -99,7 +101,7 @@ def parse(data: bytes) -> Log:
         if entry is None:
             device = _DEVICE.search(text)
             host = f" ({device[1].decode(errors='replace')})" if device else ""
-            damage.append(f"line {number}{host} is damaged")
+            damage.append(msg(f"line {arg(number)}{arg(host)} is damaged"))
         else:
             entries.append(entry)
         # Of a damaged line either the text or the checksum may be what was written.
@@ -107,12 +109,18 @@ def parse(data: bytes) -> Log:
     return Log(tuple(entries), tuple(damage), bool(torn_line), next(iter(previous)))
 
 
+def _fields(record: Record) -> dict[str, Any]:
+    return {item.name: getattr(record, item.name) for item in fields(record)}
+
+
 def _entry(text: bytes) -> LogEntry | None:
     try:
         data: dict[str, Any] = json.loads(text)
         data.pop("sum", None)
         at = datetime.fromisoformat(data.pop("at"))
-        return LogEntry(at, _RECORDS.validate_python(data))
+        texts = data.pop("texts", ())
+        record = _RECORDS.validate_python(data)
+        return LogEntry(at, replace(record, **unpack({**_fields(record), "texts": texts})) if texts else record)
     except (ValueError, ValidationError, KeyError, TypeError, AttributeError):
         return None
 
@@ -206,7 +214,7 @@ def mark_unrecorded(result: _R, failure: files.JournalError | None) -> _R:
     existing_text = f"{result.message} {' '.join(result.notes)}"
     changes: dict[str, Any] = {"exit": result.exit.unproven_code}
     if NOT_RECORDED not in result.message:
-        changes["message"] = f"{result.message}; {NOT_RECORDED}"
+        changes["message"] = msg(f"{arg(result.message)}; {arg(NOT_RECORDED)}")
     if str(failure) not in existing_text:
         changes["notes"] = (*result.notes, str(failure))
     if "hint" in result.__dataclass_fields__:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.runs import files
 
 if TYPE_CHECKING:
@@ -95,6 +96,6 @@ class Pins:
 
     def _damage_error(self) -> files.DamagedPinsError:
         return files.DamagedPinsError(
-            f"the file of pinned certificates cannot be read: {self._path}",
+            f"the file of pinned certificates cannot be read: {arg(self._path)}",
             hint="restore it from a copy; without it no device can be told from an impostor",
         )

@@ -7,6 +7,7 @@ import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.runs.files import DamagedStateError
 from atlantis_netcfg.runs.log import FILE, Log, read
 from atlantis_netcfg.runs.records import (
@@ -58,7 +59,7 @@ class SavedState:
 
     def _damage_error(self, why: str) -> DamagedStateError:
         return DamagedStateError(
-            f"the state saved by run {self.run} cannot be used: {why} ({self.path})",
+            f"the state saved by run {arg(self.run)} cannot be used: {arg(why)} ({arg(self.path)})",
             hint="use the state of another run: `provision report runs` lists them",
         )
 
@@ -196,7 +197,9 @@ class Run:
 
     def damage_error(self, hint: str) -> DamagedStateError:
         """Return the error for a caller that needs records which may be lost."""
-        return DamagedStateError(f"the journal of run {self.id} is damaged: {', '.join(self.log.damage)}", hint=hint)
+        return DamagedStateError(
+            f"the journal of run {arg(self.id)} is damaged: {arg(join(', ', self.log.damage))}", hint=hint
+        )
 
     def confirmed_state(self, device: str) -> SavedState | None:
         """Return the device's state read back at the end of the run; None if the run did not get that far."""

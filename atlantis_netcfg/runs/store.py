@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core import atomic_files, paths
 from atlantis_netcfg.core.eventlog import write_all
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.runs import files
 from atlantis_netcfg.runs.log import Journal, utc_now
 from atlantis_netcfg.runs.pins import Pins
@@ -51,11 +52,14 @@ class LockHolder:
         try:
             user = getpass.getuser()
         except (KeyError, OSError):
-            user = f"user {os.getuid()}"
+            user = msg(f"user {arg(os.getuid())}")
         return cls(user, socket.gethostname(), os.getpid(), utc_now().isoformat(timespec="seconds"), command)
 
     def __str__(self) -> str:
-        return f"{self.user} on {self.host} (process {self.pid}) since {self.since}: {self.command}"
+        return msg(
+            f"{arg(self.user)} on {arg(self.host)} (process {arg(self.pid)}) since {arg(self.since)}: "
+            f"{arg(self.command)}"
+        )
 
 
 class SiteLock:
@@ -107,7 +111,7 @@ class SiteLock:
         holder = self._holder()
         who = str(holder) if holder is not None else "somebody who has just started"
         return files.SiteBusy(
-            f"{self._site} is locked by {who}",
+            f"{arg(self._site)} is locked by {arg(who)}",
             hint="wait until that run has ended, then run the same command again",
         )
 
@@ -269,8 +273,8 @@ class Store:
         """Return one run by name. Raises NoSuchRun."""
         names = self._names(site)
         if run not in names and run not in self.archived_runs(site):
-            listing = ", ".join(names[-5:]) or "none yet"
-            raise files.NoSuchRun(f"{site} has no run {run}", hint=f"its latest runs: {listing}")
+            listing = join(", ", names[-5:]) or "none yet"
+            raise files.NoSuchRun(f"{arg(site)} has no run {arg(run)}", hint=f"its latest runs: {arg(listing)}")
         return self._load(site, run)
 
     def keep_result(self, site: str, run: str, result: bytes) -> bool:
@@ -305,7 +309,7 @@ class Store:
     def damage_since(self, site: str, since: str = "") -> str:
         """Describe the damage in the journals of the latest runs, from `since` on; empty if there is none."""
         runs = (self._load(site, name) for name in self._names(site) if files.run_order(name) >= files.run_order(since))
-        return "; ".join(run.damage for run in runs if run.damage)
+        return join("; ", (run.damage for run in runs if run.damage))
 
     def unfinished_runs(self, site: str) -> tuple[Run, ...]:
         """Return runs that were killed or left a device unknown, and that no later run completed; oldest first."""

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.runs import files
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ class Usage:
             return {}
         except (OSError, ValueError, ValidationError) as error:
             raise files.DamagedStateError(
-                f"{_WHAT} cannot be read: {self._path}",
+                f"{arg(_WHAT)} cannot be read: {arg(self._path)}",
                 hint="restore the file from a copy, or move it away: the month is then counted from the next check",
             ) from error
 
@@ -159,17 +160,19 @@ def _rise(last: Counters | None, counters: Counters) -> tuple[int | None, str | 
     """Return the increase between two readings, and a description of any unknown part."""
     if last is None:
         return None, None
-    between = f"between {_stamp(last.at)} and {_stamp(counters.at)}"
+    between = msg(f"between {arg(_stamp(last.at))} and {arg(_stamp(counters.at))}")
     if (last.device, last.interface) != (counters.device, counters.interface):
-        was, now = (f"{item.interface} of {item.device}" for item in (last, counters))
-        return None, f"{between} the link moved from {was} to {now}: its traffic in that time is not counted"
+        was, now = (msg(f"{arg(item.interface)} of {arg(item.device)}") for item in (last, counters))
+        return None, msg(
+            f"{arg(between)} the link moved from {arg(was)} to {arg(now)}: its traffic in that time is not counted"
+        )
     shrunk = counters.rx_bytes < last.rx_bytes or counters.tx_bytes < last.tx_bytes
     restart = _detect_restart(last, counters)
     if restart and (shrunk or restart is _Restart.CERTAIN):
-        return counters.bytes, f"{between} the router restarted: traffic before that is not counted"
+        return counters.bytes, msg(f"{arg(between)} the router restarted: traffic before that is not counted")
     if shrunk:
         why = "were reset or overflowed"
-        return counters.bytes, f"{between} the counters {why}: traffic before that is not counted"
+        return counters.bytes, msg(f"{arg(between)} the counters {arg(why)}: traffic before that is not counted")
     gap = "the router restarted, or the clock of this computer was set: the traffic may be higher"
     return counters.bytes - last.bytes, f"{between} {gap}" if restart else None
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.core.paths import private_directory
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import enrolment_package
@@ -67,10 +68,10 @@ class PackageTarget:
     def __post_init__(self) -> None:
         """Raise UsageError for values that would fail during issuing."""
         if self.copies is not None and not self.copies.is_dir():
-            raise UsageError(f"folder {self.copies} does not exist", hint="create it first, or leave `to=` out")
+            raise UsageError(f"folder {arg(self.copies)} does not exist", hint="create it first, or leave `to=` out")
         if not self.contact.strip() or not self.contact.isprintable() or len(self.contact) > _CONTACT_MAX:
             raise UsageError(
-                f"`contact=` must be one line of at most {_CONTACT_MAX} characters",
+                f"`contact=` must be one line of at most {arg(_CONTACT_MAX)} characters",
                 hint="for example a name, a telephone number and an e-mail address",
             )
 
@@ -221,7 +222,7 @@ def reason_of(text: str | None) -> str:
         return "no reason given"
     if not text.isprintable() or len(text) > _LONGEST:
         raise UsageError(
-            f"a reason must be one line of at most {_LONGEST} characters", hint="for example `reason=stolen`"
+            f"a reason must be one line of at most {arg(_LONGEST)} characters", hint="for example `reason=stolen`"
         )
     return text
 
@@ -250,8 +251,8 @@ def existing_authority(folder: Path, inventory: Inventory) -> Authority | None:
     names, declared_names = authority.server(), server_names(inventory)
     if names != declared_names:
         raise UsageError(
-            f"the authority in {folder} is for the server {_names_text(names)}, but the inventory has "
-            f"{_names_text(declared_names)}",
+            f"the authority in {arg(folder)} is for the server {arg(_names_text(names))}, but the inventory has "
+            f"{arg(_names_text(declared_names))}",
             hint=(
                 "if the inventory is right, run `provision vpn sync --sign` to issue a new server certificate; for "
                 "another authority, use another folder: `authority=FOLDER`"
@@ -273,4 +274,4 @@ def refuse_example_authority(inventory: Inventory, *, is_explicit: bool) -> None
 
 
 def _names_text(names: model.ServerNames) -> str:
-    return ", ".join([names.common_name, *names.dns, *map(str, names.addresses)])
+    return join(", ", [names.common_name, *names.dns, *map(str, names.addresses)])

@@ -14,6 +14,7 @@ from functools import cached_property
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment, nft_comment
 from atlantis_netcfg.vpn import identity
@@ -230,16 +231,18 @@ class _PolicyDraft:
     def _partner_permissions(self) -> Iterator[Permission]:
         for name, partner in self._partners.items():
             zone = zone_of(f"p_{name}", (IPv4Network(item.address) for item in self._members if item.partner == name))
-            yield Permission(zone, zone, ANYTHING, f"within {name}")
+            yield Permission(zone, zone, ANYTHING, msg(f"within {arg(name)}"))
             yield from self._services_for(name, zone)
             if partner.sees:
                 robots = [IPv4Network(member.address) for member in self._members if member.vehicle in partner.sees]
                 visible_zone = zone_of(f"p_{name}_sees", (*robots, *self._vehicles(partner.sees)))
-                yield from self._both_ways(zone, visible_zone, f"what {name} sees")
+                yield from self._both_ways(zone, visible_zone, msg(f"what {arg(name)} sees"))
             # In a LAN nobody proves who he is: an address there is worth less than one in the VPN.
             theirs = self._vehicles([key for key, vehicle in self._all_vehicles.items() if vehicle.partner == name])
             if theirs:
-                yield from self._both_ways(zone, zone_of(f"p_{name}_lan", theirs), f"robots of {name} in LANs")
+                yield from self._both_ways(
+                    zone, zone_of(f"p_{name}_lan", theirs), msg(f"robots of {arg(name)} in LANs")
+                )
 
     def _services_for(self, partner: str, zone: Zone) -> Iterator[Permission]:
         """Yield permissions for services of our computers that are open to this partner."""

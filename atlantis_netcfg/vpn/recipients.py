@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.vpn import requests
 from atlantis_netcfg.vpn.pki import check_recipient
 
@@ -28,7 +29,7 @@ def recipients_of(device_requests: Iterable[requests.DeviceWords], names: Iterab
         try:
             result[name] = recipient_of(item.recipient)
         except UsageError as error:
-            errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
+            errors.append(UsageError(f"{arg(item.place)}: {arg(error)}", hint=error.hint) if item.place else error)
     if errors:
         raise requests.InvalidRequest(errors)
     return result
@@ -41,7 +42,9 @@ def recipient_of(argument: str) -> str:
     _refuse_private(text)
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) != 1:
-        raise UsageError(f"{len(lines)} keys in {requests.quote(argument)}", hint="use one file per public key")
+        raise UsageError(
+            f"{arg(len(lines))} keys in {arg(requests.quote(argument))}", hint="use one file per public key"
+        )
     check_recipient(lines[0])
     return lines[0]
 
@@ -62,5 +65,5 @@ def _read_key_file(argument: str) -> str:
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or "it is not a text file"
         raise UsageError(
-            f"no public key to seal to: {requests.quote(argument)} cannot be read: {why}", hint=hint
+            f"no public key to seal to: {arg(requests.quote(argument))} cannot be read: {arg(why)}", hint=hint
         ) from error

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import errors, processes, temporary
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.inventory.model import Router, SiteComputer
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
@@ -32,7 +33,9 @@ def rehearsed_identity(inventory: Inventory, host: Host, wrap: Wrap = Wrap.TLS_C
     """Return the identity of an inventory computer or router. Raises UsageError if it is not a VPN member."""
     address = _address(host)
     if address is None:
-        raise errors.UsageError(f"{host.name} has no address in the VPN", hint=f"add one in host_vars/{host.name}.yml")
+        raise errors.UsageError(
+            f"{arg(host.name)} has no address in the VPN", hint=f"add one in host_vars/{arg(host.name)}.yml"
+        )
     router = isinstance(host.device, Router)
     kind = KeyType.RSA if router else KeyType.EC
     now, key = datetime.now(UTC), pki.new_key(kind)

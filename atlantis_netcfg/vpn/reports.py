@@ -11,6 +11,7 @@ from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.vpn import identity
 from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED
 from atlantis_netcfg.vpn.authority.model import CorruptAuthorityError
@@ -30,8 +31,8 @@ def find(membership: identity.MembershipList, name: str) -> identity.Member:
         if member_name in membership.members:
             return membership.members[member_name]
     near = errors.nearest(name, membership.members)
-    hint = f"did you mean `name={near}`?" if near else "`provision vpn list` lists them all"
-    raise errors.UsageError(f"the VPN has no member `{ascii(name)[1:-1][:60]}`", hint=hint)
+    hint = msg(f"did you mean `name={arg(near)}`?" if near else "`provision vpn list` lists them all")
+    raise errors.UsageError(f"the VPN has no member `{arg(ascii(name)[1:-1][:60])}`", hint=hint)
 
 
 def of_partner(membership: identity.MembershipList, partner: str | None) -> tuple[identity.Member, ...]:
@@ -44,10 +45,12 @@ def of_partner(membership: identity.MembershipList, partner: str | None) -> tupl
     if not result:
         partners = sorted({member.partner for member in membership.members.values() if member.partner is not None})
         near = errors.nearest(partner, partners)
-        hint = (
-            f"did you mean `partner={near}`?" if near else f"partners with devices: {', '.join(partners) or 'nobody'}"
+        hint = msg(
+            f"did you mean `partner={arg(near)}`?"
+            if near
+            else f"partners with devices: {arg(join(', ', partners) or 'nobody')}"
         )
-        raise errors.UsageError(f"no VPN member belongs to partner `{ascii(partner)[1:-1][:60]}`", hint=hint)
+        raise errors.UsageError(f"no VPN member belongs to partner `{arg(ascii(partner)[1:-1][:60])}`", hint=hint)
     return result
 
 
@@ -59,7 +62,7 @@ def status_of(member: identity.Member, now: datetime) -> str:
     if newest.not_after <= now:
         return "expired"
     if newest is not oldest:
-        return f"renewed, {oldest.common_name} is still in use"
+        return msg(f"renewed, {arg(oldest.common_name)} is still in use")
     return "in use" if newest.standing is identity.CertificateStatus.SEEN else "never seen"
 
 
@@ -114,7 +117,8 @@ def period(text: str, word: str) -> timedelta:
     match = re.fullmatch(r"([0-9]{1,4})([dw])", text)
     if match is None:
         raise errors.UsageError(
-            f"`{word}={ascii(text)[1:-1][:60]}` is not a time span", hint=f"use days or weeks, for example `{word}=30d`"
+            f"`{arg(word)}={arg(ascii(text)[1:-1][:60])}` is not a time span",
+            hint=f"use days or weeks, for example `{arg(word)}=30d`",
         )
     return timedelta(days=int(match[1]) * _PERIODS[match[2]])
 
@@ -135,13 +139,18 @@ class Audit:
         if agreement is None or agreement.at is None or self.broken:
             return ()
         later = agreement.lines - agreement.signed_lines
-        signature_text = (
-            f"the first {agreement.signed_lines} match the signature of the CA key of {agreement.at:%Y-%m-%d %H:%M} UTC"
+        signature_text = msg(
+            f"the first {arg(agreement.signed_lines)} match the signature of the CA key of "
+            f"{arg(agreement.at):%Y-%m-%d %H:%M} UTC"
         )
         return (
-            f"{agreement.lines} entries in all: {signature_text}",
-            f"the certificates and revocation list {agreement.number} agree with them",
-            *([f"entries after line {agreement.signed_lines} are chained to them, but not signed"] if later else []),
+            msg(f"{arg(agreement.lines)} entries in all: {arg(signature_text)}"),
+            msg(f"the certificates and revocation list {arg(agreement.number)} agree with them"),
+            *(
+                [msg(f"entries after line {arg(agreement.signed_lines)} are chained to them, but not signed")]
+                if later
+                else []
+            ),
             "this command does not check whether this is the newest copy: `provision vpn status` asks the server",
         )
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import Guest, OpenVpnVersion, RosDistribution, Router
 from atlantis_netcfg.vpn import identity, names, systems
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
@@ -36,7 +37,7 @@ class InvalidRequest(UsageError):
     """Several errors in a request; `errors` lists them. Nothing was opened or written."""
 
     def __init__(self, errors: Sequence[NetcfgError]) -> None:
-        super().__init__("\n".join(str(error) for error in errors))
+        super().__init__(join("\n", errors))
         self.errors = tuple(errors)
 
 
@@ -75,8 +76,8 @@ class RequestCheck:
             if item.value == value:
                 return item
         near = None if value[:1].isdecimal() else nearest(value, choices)  # another version is not what was meant
-        hint = f"did you mean `{word}={near}`?" if near else f"choose one of: {', '.join(choices)}"
-        self.wrong(f"`{word}=`: unknown value {quote(value)}", hint)
+        hint = msg(f"did you mean `{arg(word)}={arg(near)}`?" if near else f"choose one of: {arg(join(', ', choices))}")
+        self.wrong(msg(f"`{arg(word)}=`: unknown value {arg(quote(value))}"), hint)
         return None
 
     def days(self) -> int | None:
@@ -86,7 +87,8 @@ class RequestCheck:
             return None
         if re.fullmatch(r"[0-9]{1,5}", value) is None or not 1 <= int(value) <= _MOST_DAYS:
             self.wrong(
-                f"`days=`: {quote(value)} is not a number from 1 to {_MOST_DAYS}", f"for example `days={CLIENT_DAYS}`"
+                msg(f"`days=`: {arg(quote(value))} is not a number from 1 to {arg(_MOST_DAYS)}"),
+                msg(f"for example `days={arg(CLIENT_DAYS)}`"),
             )
             return None
         return int(value)
@@ -103,7 +105,8 @@ def request_of_host(inventory: Inventory, check: RequestCheck) -> EnrolmentReque
     for word in ("partner", "kind", "vehicle", "address", "system", "distribution", "openvpn"):
         if check.words[word] is not None:
             check.wrong(
-                f"`{word}=` cannot be used with a computer in the inventory", "leave it out: the inventory sets it"
+                msg(f"`{arg(word)}=` cannot be used with a computer in the inventory"),
+                "leave it out: the inventory sets it",
             )
     host = _find_declared_host(inventory, check)
     link, wrap = check.choice("link", list(identity.MemberLink)), check.choice("wrap", list(identity.Wrap))
@@ -128,14 +131,17 @@ def _find_declared_host(inventory: Inventory, check: RequestCheck) -> Host | Non
     host_name, inside = str(check.words["device"]), computers(inventory)
     if host_name in inside:
         return inventory.hosts[host_name]
-    there = f"in the VPN: {', '.join(inside)}"
+    there = msg(f"in the VPN: {arg(join(', ', inside))}")
     if host_name in inventory.hosts:
-        check.wrong(f"`{host_name}` is not a VPN client: it has no tunnel address, or it is the server", there)
+        check.wrong(
+            msg(f"`{arg(host_name)}` is not a VPN client: it has no tunnel address, or it is the server"), there
+        )
         return None
     near = nearest(host_name, inside)
-    otherwise = f"add `partner=` if it is a partner's device; {there}"
+    otherwise = msg(f"add `partner=` if it is a partner's device; {arg(there)}")
     check.wrong(
-        f"there is no host {quote(host_name)} in the inventory", f"did you mean `device={near}`?" if near else otherwise
+        msg(f"there is no host {arg(quote(host_name))} in the inventory"),
+        msg(f"did you mean `device={arg(near)}`?") if near else otherwise,
     )
     return None
 
@@ -200,10 +206,14 @@ def _days_of(inventory: Inventory, check: RequestCheck, vehicle: str | None, day
     most = days_left(inventory, guest, datetime.now(UTC))
     if most < 1:
         check.wrong(
-            f"the stay of guest `{vehicle}` ended on {guest.until}", "set a later day in `until:`, or end the stay"
+            msg(f"the stay of guest `{arg(vehicle)}` ended on {arg(guest.until)}"),
+            "set a later day in `until:`, or end the stay",
         )
     elif days is not None and days > most:
-        check.wrong(f"`days={days}`: guest `{vehicle}` stays until {guest.until}", f"for example `days={most}`")
+        check.wrong(
+            msg(f"`days={arg(days)}`: guest `{arg(vehicle)}` stays until {arg(guest.until)}"),
+            msg(f"for example `days={arg(most)}`"),
+        )
     return max(1, min(days or CLIENT_DAYS, most))
 
 
@@ -223,13 +233,14 @@ def _client_words(check: RequestCheck, kind: identity.MemberKind | None) -> _Cli
     version = check.choice("openvpn", list(OpenVpnVersion))
     if kind is not None and system is not None and system not in identity.SYSTEMS[kind]:
         check.wrong(
-            f"`system={system}`: a {kind} does not use this system",
-            f"choose one of: {', '.join(identity.SYSTEMS[kind])}",
+            msg(f"`system={arg(system)}`: a {arg(kind)} does not use this system"),
+            msg(f"choose one of: {arg(join(', ', identity.SYSTEMS[kind]))}"),
         )
     for word, value in (("distribution", release), ("openvpn", version)):
         if kind is identity.MemberKind.ROUTER and value is not None:
             check.wrong(
-                f"`{word}=` cannot be used with `kind=router`", f"leave `{word}=` out: RouterOS supports neither"
+                msg(f"`{arg(word)}=` cannot be used with `kind=router`"),
+                msg(f"leave `{arg(word)}=` out: RouterOS supports neither"),
             )
     return _ClientWords(system, release, version, wrap)
 
@@ -243,13 +254,16 @@ def _wrap(
         value, declared_value = getattr(client, word), getattr(declared_vehicle, word, None)
         if None not in (value, declared_value) and value != declared_value:
             check.wrong(
-                f"`{word}={value}`: the inventory has `{vehicle}` with `{word}: {declared_value}`",
-                f"leave `{word}=` out, or correct vehicles.yml",
+                msg(
+                    f"`{arg(word)}={arg(value)}`: the inventory has `{arg(vehicle)}` with `{arg(word)}: "
+                    f"{arg(declared_value)}`"
+                ),
+                msg(f"leave `{arg(word)}=` out, or correct vehicles.yml"),
             )
     version = systems.openvpn(inventory, kind, vehicle, version=client.openvpn, release=client.distribution)
     if client.wrap is identity.Wrap.TLS_CRYPT_V2 and version is OpenVpnVersion.V2_4:
         check.wrong(
-            f"`wrap={client.wrap}`: the device has OpenVPN 2.4, which cannot read such a profile",
+            msg(f"`wrap={arg(client.wrap)}`: the device has OpenVPN 2.4, which cannot read such a profile"),
             "leave `wrap=` out; if the device has a newer OpenVPN, add `openvpn=2.6`",
         )
     usual = systems.wrap_for(version, force_cookie=inventory.pilot.vpn.force_cookie)
@@ -259,7 +273,9 @@ def _wrap(
         and version is not OpenVpnVersion.V2_4
     ):
         check.wrong(
-            f"`wrap={client.wrap}`: the server accepts such clients only from OpenVPN 2.6 on (`force_cookie`)",
+            msg(
+                f"`wrap={arg(client.wrap)}`: the server accepts such clients only from OpenVPN 2.6 on (`force_cookie`)"
+            ),
             "leave `wrap=` out; if the device has OpenVPN 2.6, add `openvpn=2.6`",
         )
     return client.wrap or usual
@@ -274,8 +290,8 @@ def _partner(inventory: Inventory, check: RequestCheck) -> str | None:
         )
     elif partner not in partners:
         near = nearest(partner, partners)
-        hint = f"did you mean `partner={near}`?" if near else f"the partners are: {', '.join(partners)}"
-        check.wrong(f"there is no partner {quote(partner)} in the inventory", hint)
+        hint = msg(f"did you mean `partner={arg(near)}`?" if near else f"the partners are: {arg(join(', ', partners))}")
+        check.wrong(msg(f"there is no partner {arg(quote(partner))} in the inventory"), hint)
     else:
         return partner
     return None
@@ -291,7 +307,7 @@ def _device(check: RequestCheck) -> str | None:
 
 def _kind(check: RequestCheck) -> identity.MemberKind | None:
     if check.words["kind"] is None:
-        check.wrong("`kind=` is missing: the kind of device", f"choose one of: {', '.join(_KINDS)}")
+        check.wrong("`kind=` is missing: the kind of device", msg(f"choose one of: {arg(join(', ', _KINDS))}"))
     return check.choice("kind", _KINDS)
 
 
@@ -306,8 +322,8 @@ def _member(inventory: Inventory, check: RequestCheck, partner: str, device: str
     name = check.run_check(lambda: names.member_name(partner, device))
     if name in inventory.hosts:
         check.wrong(
-            f"`{name}` is a computer in the inventory",
-            f"choose another name, or type `device={name}` without `partner=`",
+            msg(f"`{arg(name)}` is a computer in the inventory"),
+            msg(f"choose another name, or type `device={arg(name)}` without `partner=`"),
         )
     return name
 
@@ -318,23 +334,23 @@ def _vehicle(
     value = check.words["vehicle"]
     if kind is not identity.MemberKind.ROBOT:
         if value is not None:
-            check.wrong(f"a {kind} is not a vehicle", "leave `vehicle=` out, or set `kind=robot`")
+            check.wrong(msg(f"a {arg(kind)} is not a vehicle"), "leave `vehicle=` out, or set `kind=robot`")
         return None
     key = _find_vehicle(inventory, device if value is None else value)
     if key is None:
         if value is not None:
             near = nearest(value, inventory.vehicles)
-            choices = f"vehicles: {', '.join(inventory.vehicles)}"
+            choices = msg(f"vehicles: {arg(join(', ', inventory.vehicles))}")
             check.wrong(
-                f"there is no vehicle {quote(value)} in the inventory",
-                f"did you mean `vehicle={near}`?" if near else choices,
+                msg(f"there is no vehicle {arg(quote(value))} in the inventory"),
+                msg(f"did you mean `vehicle={arg(near)}`?") if near else choices,
             )
         return None
     owner = inventory.vehicles[key].partner
     if owner not in {None, partner}:
         check.wrong(
-            f"vehicle `{key}` belongs to `{owner}`, not to `{partner}`",
-            f"type `partner={owner}`, or correct vehicles.yml",
+            msg(f"vehicle `{arg(key)}` belongs to `{arg(owner)}`, not to `{arg(partner)}`"),
+            msg(f"type `partner={arg(owner)}`, or correct vehicles.yml"),
         )
     return key
 
@@ -355,16 +371,16 @@ def _address(inventory: Inventory, check: RequestCheck, partner: str) -> IPv4Add
     value, pool = check.words["address"], inventory.partners[partner].vpn_pool
     if value is None:
         return None
-    hint = f"use one of {pool}, or leave `address=` out"
+    hint = msg(f"use one of {arg(pool)}, or leave `address=` out")
     try:
         address = IPv4Address(value)
     except ValueError:
-        check.wrong(f"{quote(value)} is not an IPv4 address", hint)
+        check.wrong(msg(f"{arg(quote(value))} is not an IPv4 address"), hint)
         return None
     if address not in pool:
-        check.wrong(f"{address} is not in the address pool of `{partner}`", hint)
+        check.wrong(msg(f"{arg(address)} is not in the address pool of `{arg(partner)}`"), hint)
     elif address in {pool.network_address, pool.broadcast_address}:
-        check.wrong(f"{address} is the first or last address of {pool}, which no device may have", hint)
+        check.wrong(msg(f"{arg(address)} is the first or last address of {arg(pool)}, which no device may have"), hint)
     return address
 
 
@@ -408,7 +424,10 @@ def requests_of(inventory: Inventory, device_requests: Iterable[DeviceWords]) ->
         if request.name in first_by_name:
             errors.append(
                 _with_place(
-                    item, UsageError(f"`{request.name}` is defined twice, first in {first_by_name[request.name].place}")
+                    item,
+                    UsageError(
+                        f"`{arg(request.name)}` is defined twice, first in {arg(first_by_name[request.name].place)}"
+                    ),
                 )
             )
         first_by_name.setdefault(request.name, item)
@@ -418,7 +437,7 @@ def requests_of(inventory: Inventory, device_requests: Iterable[DeviceWords]) ->
 
 
 def _with_place(item: DeviceWords, error: NetcfgError) -> NetcfgError:
-    return UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error
+    return UsageError(f"{arg(item.place)}: {arg(error)}", hint=error.hint) if item.place else error
 
 
 def request_of(inventory: Inventory, item: DeviceWords) -> EnrolmentRequest:
@@ -461,7 +480,10 @@ def change_for(
     check = RequestCheck({**words, "wrap": change.wrap})
     if member.partner is None:
         for word in [word for word, value in words.items() if value is not None]:
-            check.wrong(f"`{word}=` cannot be used with `{member.name}`", "the inventory sets it for this computer")
+            check.wrong(
+                msg(f"`{arg(word)}=` cannot be used with `{arg(member.name)}`"),
+                "the inventory sets it for this computer",
+            )
         check.close()
         if change.wrap is None and inventory.pilot.vpn.force_cookie and member.name in inventory.hosts:
             return replace(change, wrap=systems.wrap_of_host(inventory, inventory.hosts[member.name]))

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import DeviceError, OutcomeUnknown
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import api
 from atlantis_netcfg.vpn import routeros
@@ -80,7 +81,7 @@ class RouterImport:
 
     async def look(self) -> RouterObservation:
         """Observe the router; change nothing. Raises RouterTooOld, and the errors of a session."""
-        self._say(events.Stage.CONNECTING, f"to {self.endpoint}")
+        self._say(events.Stage.CONNECTING, msg(f"to {arg(self.endpoint)}"))
         session = await api.Session.open(self.endpoint)
         try:
             return await self._look(session)
@@ -94,7 +95,8 @@ class RouterImport:
             observation = await self._look(session)
             if observation.by_tunnel:
                 raise DeviceError(
-                    f"you reach {self.name} through {self.tunnel.name}, which would go down with your session",
+                    f"you reach {arg(self.name)} through {arg(self.tunnel.name)}, which would go down with your "
+                    "session",
                     hint=(
                         "work at the site, on the management port: the old certificate stays valid until the new "
                         "one works"
@@ -104,13 +106,15 @@ class RouterImport:
                 await self._import(session, observation)
             except api.SessionLost as lost:
                 raise OutcomeUnknown(
-                    f"connection to {self.name} lost while its tunnel was imported: {lost}",
+                    f"connection to {arg(self.name)} lost while its tunnel was imported: {arg(lost)}",
                     hint="run the same command again: it continues from there and removes leftover files",
                 ) from lost
             remaining_changes = (await self._look(session)).changes
             if remaining_changes:
-                raise OutcomeUnknown(f"{self.name} differs from what was imported: {'; '.join(remaining_changes)}")
-            self._say(events.Stage.CONFIRMED, f"{self.tunnel.name}: tunnel imported")
+                raise OutcomeUnknown(
+                    f"{arg(self.name)} differs from what was imported: {arg(join('; ', remaining_changes))}"
+                )
+            self._say(events.Stage.CONFIRMED, msg(f"{arg(self.tunnel.name)}: tunnel imported"))
             return observation
         finally:
             await session.close()
@@ -150,7 +154,7 @@ class RouterImport:
             stale=stale,
             files=there,
             changes=changes,
-            notes=((_REPLACEMENT_NOTE.format(site=self.site),) if is_replacement else ())
+            notes=((msg(_REPLACEMENT_NOTE.format(site=arg(self.site))),) if is_replacement else ())
             + tuple(self._wrong_clock(clock)),
             by_tunnel=is_replacement and self._is_session_over_tunnel(routes, active),
         )
@@ -161,7 +165,7 @@ class RouterImport:
             version = Version.parse(about.get("version", ""))
         except ValueError:
             raise DeviceError(
-                f"{self.name} does not report its RouterOS version: {about.get('version', '')!r}"
+                f"{arg(self.name)} does not report its RouterOS version: {arg(about.get('version', ''))!r}"
             ) from None
         upgrade = f"`provision device upgrade site={self.site} device={self.name} packages=FILE.npk`"
         routeros.check_version(version, where=self.name, upgrade=upgrade)
@@ -171,8 +175,8 @@ class RouterImport:
         today = next((row.get("date", "") for row in clock), "")
         first, last = (f"{day:%Y-%m-%d}" for day in (self.identity.certificate.not_before, self._expiry))
         if _DATE.fullmatch(today) and not self.is_rehearsal and not first <= today <= last:
-            yield (
-                f"its clock says {today}: the tunnel cannot come up until the clock is right, see `/system ntp "
+            yield msg(
+                f"its clock says {arg(today)}: the tunnel cannot come up until the clock is right, see `/system ntp "
                 "client print`"
             )
 
@@ -195,21 +199,21 @@ class RouterImport:
         stale: tuple[str, ...],
         files: tuple[str, ...],
     ) -> Iterator[str]:
-        yield from (f"file {name} of an earlier run removed" for name in files)
+        yield from (msg(f"file {arg(name)} of an earlier run removed") for name in files)
         yield from ("interface of an earlier run removed" for _ in stale)
         certificate_name, until = self.tunnel.certificate, f"{self._expiry:%Y-%m-%d}"
         if certificate is None:
-            yield f"certificate {certificate_name} imported, valid until {until}"
+            yield msg(f"certificate {arg(certificate_name)} imported, valid until {arg(until)}")
         elif certificate.get("name") != certificate_name:
-            yield f"certificate {certificate.get('name')} renamed to {certificate_name}"
+            yield msg(f"certificate {arg(certificate.get('name'))} renamed to {arg(certificate_name)}")
         if interface is None:
-            yield f"interface {self.tunnel.name} imported"
+            yield msg(f"interface {arg(self.tunnel.name)} imported")
         elif not self._is_marked(interface):
-            yield f"interface {self.tunnel.name} imported, replacing the existing one"
+            yield msg(f"interface {arg(self.tunnel.name)} imported, replacing the existing one")
         else:
             other = sorted(name for name, value in self.tunnel.values().items() if _plain(interface, name) != value)
             if other:
-                yield f"interface {self.tunnel.name}: {', '.join(other)}"
+                yield msg(f"interface {arg(self.tunnel.name)}: {arg(join(', ', other))}")
 
     def _is_session_over_tunnel(
         self, routes: tuple[Mapping[str, str], ...], active: tuple[Mapping[str, str], ...]
@@ -240,7 +244,7 @@ class RouterImport:
         await self._name(session, observation, certificate)
 
     async def _import_certificate(self, session: api.Session, observation: RouterObservation) -> Mapping[str, str]:
-        self._say(events.Stage.APPLYING, f"certificate {self.tunnel.certificate}")
+        self._say(events.Stage.APPLYING, msg(f"certificate {arg(self.tunnel.certificate)}"))
         authority = "" if observation.authority else self.identity.ca
         text = f"{self.identity.cert}{self.identity.key.reveal()}{authority}"
         async with self._file(session, PEM, text):
@@ -248,7 +252,7 @@ class RouterImport:
             await _do(session, f"{_CERTIFICATES}/import", **{"file-name": PEM, "passphrase": "", "name": name})
         result = (await self._look(session)).certificate
         if result is None:
-            raise DeviceError(f"{self.name} does not list the imported certificate")
+            raise DeviceError(f"{arg(self.name)} does not list the imported certificate")
         return result
 
     async def _import_interface(self, session: api.Session) -> str:
@@ -267,7 +271,7 @@ class RouterImport:
                     return stale[-1]
                 await asyncio.sleep(_PAUSE_S)
         raise DeviceError(
-            f"{self.name} imported the configuration but shows no interface for it",
+            f"{arg(self.name)} imported the configuration but shows no interface for it",
             hint='on the router: `/log print where topics~"ovpn"`',
         )
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.core.events import Verdict, worst
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding
 
@@ -515,10 +516,10 @@ class EvidenceRequest:
         if self.kind is not model.EvidenceKind.NUMBER:
             return _EVIDENCE[self.kind]
         if self.low is None:
-            return f"a number in {self.unit}, {self.high:g} at most"
+            return msg(f"a number in {arg(self.unit)}, {arg(self.high):g} at most")
         if self.high is None:
-            return f"a number in {self.unit}, {self.low:g} at least"
-        return f"a number in {self.unit}, {self.low:g} to {self.high:g}"
+            return msg(f"a number in {arg(self.unit)}, {arg(self.low):g} at least")
+        return msg(f"a number in {arg(self.unit)}, {arg(self.low):g} to {arg(self.high):g}")
 
     def outside(self, value: float) -> bool:
         """Return whether a number is outside the limits."""
@@ -561,9 +562,11 @@ class Step:
     def __post_init__(self) -> None:
         """Check that the fields fit the kind: automatic, active or by a person."""
         if not self.unless and (self.kind is report.ItemKind.PERSON) != (self.probe is None):
-            raise ValueError(f"step `{self.title}`: a person's step must have no probe, every other step must have one")
+            raise ValueError(
+                msg(f"step `{arg(self.title)}`: a person's step must have no probe, every other step must have one")
+            )
         if (self.kind is report.ItemKind.ACTIVE) != (self.consent is not None):
-            raise ValueError(f"step `{self.title}`: active steps, and only these, need consent")
+            raise ValueError(msg(f"step `{arg(self.title)}`: active steps, and only these, need consent"))
 
 
 SITE = "site"
@@ -678,8 +681,8 @@ _PACKAGES = {"ping": "iputils-ping", "ip": "iproute2"}
 def no_answer_finding(who: str, answer: Answer | None) -> LinkFinding:
     """Return the finding for a request that could not be sent to `who`; it never fails, as nothing is known."""
     words = getattr(answer, "words", "") or "no response"
-    hint = f"make {who} reachable, then check again"
-    return LinkFinding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be queried: {words}", hint)
+    hint = msg(f"make {arg(who)} reachable, then check again")
+    return LinkFinding(Verdict.INCONCLUSIVE, "not-asked", msg(f"{arg(who)} could not be queried: {arg(words)}"), hint)
 
 
 def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[LinkFinding]:
@@ -688,11 +691,13 @@ def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[LinkFind
     if not isinstance(ran, CommandResult):
         yield no_answer_finding(where, ran)
     elif ran.trouble is Trouble.MISSING:
-        hint = f"install it there: sudo apt install {_PACKAGES.get(program, program)}"
-        yield LinkFinding(Verdict.INCONCLUSIVE, "program-missing", f"{where} has no program `{program}`", hint)
+        hint = msg(f"install it there: sudo apt install {arg(_PACKAGES.get(program, program))}")
+        yield LinkFinding(
+            Verdict.INCONCLUSIVE, "program-missing", msg(f"{arg(where)} has no program `{arg(program)}`"), hint
+        )
     elif ran.trouble is Trouble.SILENT:
-        hint = f"check whether {where} is overloaded, then check again"
-        message = f"`{program}` timed out on {where}"
+        hint = msg(f"check whether {arg(where)} is overloaded, then check again")
+        message = msg(f"`{arg(program)}` timed out on {arg(where)}")
         yield LinkFinding(Verdict.INCONCLUSIVE, "program-slow", message, hint)
     elif ran.trouble is not None:
         yield no_answer_finding(where, ran)

@@ -27,6 +27,7 @@ from atlantis_netcfg.checklist.probes.ping import (
     route_request,
 )
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import ETHERNET, EthernetEndpoint
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
@@ -62,12 +63,14 @@ def judge_port(router: str, port: str, results: Mapping[str, base.Answer]) -> ba
     interface = None if interfaces is None else next((row for row in interfaces if row.get("name") == port), None)
     socket = next((row for row in interfaces or () if row.get("default-name") == port), None)
     if (socket or {}).get("name", port) != port or (interface or {}).get("default-name", port) != port:
-        problem = f"is named {socket['name']} there" if socket is not None else "is another socket there"
-        message = f"port {port} of {router} {problem}, so the values under that name are not about it"
+        problem = msg(f"is named {arg(socket['name'])} there" if socket is not None else "is another socket there")
+        message = msg(
+            f"port {arg(port)} of {arg(router)} {arg(problem)}, so the values under that name are not about it"
+        )
         hint = "apply the site's configuration, which restores the port names"
         return base.ProbeResult((LinkFinding(Verdict.FAIL, "port-renamed", message, hint),))
     if interfaces is not None and interface is None:
-        message = f"{router} has no port {port}"
+        message = msg(f"{arg(router)} has no port {arg(port)}")
         hint = "correct `endpoints.ethernet.router_port`: use the router's own port name"
         return base.ProbeResult((LinkFinding(Verdict.FAIL, "no-port", message, hint),))
     local = [row for row in monitor or () if row.get("name", port) == port]
@@ -78,40 +81,48 @@ def judge_port(router: str, port: str, results: Mapping[str, base.Answer]) -> ba
 def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[LinkFinding]:
     if values.get("disabled") in _TRUE:
         hint = "apply the site's configuration to enable it, or find out who disabled it"
-        yield LinkFinding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is disabled", hint)
+        yield LinkFinding(Verdict.FAIL, "port-disabled", msg(f"port {arg(port)} of {arg(router)} is disabled"), hint)
         return
     status = values.get("status") or {"true": "link-ok", "false": "no-link"}.get(values.get("running", ""), "")
     if status == "no-link":
         hint = "check that the cable is plugged in at both ends and that the other end is switched on"
-        yield LinkFinding(Verdict.FAIL, "port-down", f"port {port} of {router} has no link", hint)
+        yield LinkFinding(Verdict.FAIL, "port-down", msg(f"port {arg(port)} of {arg(router)} has no link"), hint)
         return
     if status != "link-ok":
         text = f"`{status}`" if status else "nothing"
-        message = f"{router} reports {text} for the link of port {port}"
+        message = msg(f"{arg(router)} reports {arg(text)} for the link of port {arg(port)}")
         yield LinkFinding(Verdict.INCONCLUSIVE, "port-unknown", message, "check the LEDs of the port")
         return
     rate = values.get("rate")
-    yield LinkFinding(Verdict.PASS, "link", f"port {port} of {router} has a link{f' of {rate}' if rate else ''}")
+    yield LinkFinding(
+        Verdict.PASS, "link", msg(f"port {arg(port)} of {arg(router)} has a link{f' of {arg(rate)}' if rate else ''}")
+    )
     yield from _quality(router, port, values)
 
 
 def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[LinkFinding]:
     hint = "replace the cable, and set both ends to auto-negotiation"
     if values.get("rate") in _SLOW:
-        yield LinkFinding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at only {values['rate']}", hint)
+        yield LinkFinding(
+            Verdict.WARN, "rate-low", msg(f"port {arg(port)} of {arg(router)} runs at only {arg(values['rate'])}"), hint
+        )
     if values.get("full-duplex") in {"false", "no"}:
-        yield LinkFinding(Verdict.WARN, "half-duplex", f"port {port} of {router} runs in half duplex", hint)
+        yield LinkFinding(
+            Verdict.WARN, "half-duplex", msg(f"port {arg(port)} of {arg(router)} runs in half duplex"), hint
+        )
     for name, words in (("rx-error", "received with errors"), ("tx-error", "not sent")):
         count = values.get(name, "")
         if count.isdecimal() and int(count):
-            message = f"port {port} of {router} has counted {count} frames {words} since it started"
+            message = msg(
+                f"port {arg(port)} of {arg(router)} has counted {arg(count)} frames {arg(words)} since it started"
+            )
             yield LinkFinding(
                 Verdict.WARN, f"{name}s", message, "replace the cable, then check whether the number grows"
             )
 
 
 def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[report.Evidence, ...]:
-    where = f"at port {port} of {router}"
+    where = msg(f"at port {arg(port)} of {arg(router)}")
     return tuple(
         base.read(f"{words} {where}", values[name]) for name, words in (*_PORT_VALUES, *_MORE) if values.get(name)
     )
@@ -161,12 +172,12 @@ class CabledProbe:
 
     def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         if self.address is None:
-            message = f"no address of {self.name} is known: it was not pinged"
+            message = msg(f"no address of {arg(self.name)} is known: it was not pinged")
             hint = "reserve one in `site.lan.reservations`, or set `endpoints.ethernet.address`"
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         if way is None and not tuple(base.not_run(self.place, "ip", results.get("route"))):
-            message = f"{base.PLACES[self.place]} has no route to {self.name} ({self.address})"
+            message = msg(f"{arg(base.PLACES[self.place])} has no route to {arg(self.name)} ({arg(self.address)})")
             hint = "check its cable, and that it has an address of the site's LAN; on it: ip -br addr"
             return base.ProbeResult((LinkFinding(Verdict.FAIL, "no-route", message, hint),))
         if local := tuple(own_address(self.place, self.name, self.address, way)):
@@ -174,8 +185,12 @@ class CabledProbe:
         target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
         ping_result = judge_ping(target, results.get("ping"))
         card = read_neighbour(results.get("neigh"), self.address)
-        route_evidence = () if way is None else (base.read(f"route from {base.PLACES[self.place]}", way.interface),)
-        card_evidence = () if card is None else (base.read(f"network card that responds for {self.address}", card),)
+        route_evidence = (
+            () if way is None else (base.read(msg(f"route from {arg(base.PLACES[self.place])}"), way.interface),)
+        )
+        card_evidence = (
+            () if card is None else (base.read(msg(f"network card that responds for {arg(self.address)}"), card),)
+        )
         whose = tuple(self._cards(card, way)) if ping_result.verdict in {Verdict.PASS, Verdict.WARN} else ()
         return base.ProbeResult(
             (*ping_result.findings, *whose), (*ping_result.evidence, *route_evidence, *card_evidence)
@@ -184,19 +199,27 @@ class CabledProbe:
     def _cards(self, card: str | None, way: NeighbourRoute | None) -> Iterator[LinkFinding]:
         """Yield findings about the network card that responded; behind a router it cannot be seen."""
         if self.place is base.Place.GATEWAY and way is not None and way.by is not None:
-            message = f"packets to {self.name} ({self.address}) leave through {way.by}: it is not on the site's cable"
+            message = msg(
+                f"packets to {arg(self.name)} ({arg(self.address)}) leave through {arg(way.by)}: it is not on the "
+                "site's cable"
+            )
             hint = "connect it to a port of the site's LAN, with an address of the LAN; or correct `endpoints.ethernet`"
             yield LinkFinding(Verdict.FAIL, "not-on-the-cable", message, hint)
         elif self.mac is None:
-            message = f"cannot tell whether it is {self.name} that responds at {self.address}"
+            message = msg(f"cannot tell whether it is {arg(self.name)} that responds at {arg(self.address)}")
             hint = "set `endpoints.ethernet.mac`, or reserve its address in `site.lan.reservations`"
             yield LinkFinding(Verdict.WARN, "whose-unknown", message, hint)
         elif card is None:
-            message = f"{base.PLACES[self.place]} does not show which network card responds for {self.address}"
+            message = msg(
+                f"{arg(base.PLACES[self.place])} does not show which network card responds for {arg(self.address)}"
+            )
             hint = "check from a computer in the site's LAN, or unplug the cable and see that the pings stop"
             yield LinkFinding(Verdict.INCONCLUSIVE, "card-unseen", message, hint)
         elif card != self.mac:
-            message = f"{card} responds for {self.address}, but the network card of {self.name} is {self.mac}"
+            message = msg(
+                f"{arg(card)} responds for {arg(self.address)}, but the network card of {arg(self.name)} is "
+                f"{arg(self.mac)}"
+            )
             hint = "two devices have this address, or the card was replaced: unplug it and ping again"
             yield LinkFinding(Verdict.FAIL, "other-card", message, hint)
 
@@ -206,7 +229,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     links = link_steps(
         cell,
         ETHERNET,
-        lambda link: f"Cable {link.name} of {cell.name} carries traffic",
+        lambda link: msg(f"Cable {arg(link.name)} of {arg(cell.name)} carries traffic"),
     )
     endpoint = cell.endpoints.ethernet
     if endpoint is not None:
@@ -227,7 +250,7 @@ def _cable_step(cell: base.Cell, endpoint: EthernetEndpoint, name: str) -> base.
     )
     return base.Step(
         name=name,
-        title=f"{cell.name} responds on the site's cable without loss",
+        title=msg(f"{arg(cell.name)} responds on the site's cable without loss"),
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.BENCH,
         probe=probe,
@@ -238,9 +261,9 @@ def _cable_step(cell: base.Cell, endpoint: EthernetEndpoint, name: str) -> base.
 def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
-        title=f"Ethernet of {cell.name} works",
+        title=msg(f"Ethernet of {arg(cell.name)} works"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=f"Plug {cell.name} into a LAN port of the site, and ping the gateway from it twenty times.",
+        do=msg(f"Plug {arg(cell.name)} into a LAN port of the site, and ping the gateway from it twenty times."),
         look_for="The LEDs of both ends are lit, and all pings get a response.",
     )

@@ -14,6 +14,7 @@ from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.report import Evidence, ItemKind
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding
 
@@ -79,7 +80,9 @@ class ExpectedLine:
         ran = results["output"]
         program, where = self.command.partition(" ")[0], base.PLACES[self.place]
         not_there = tuple(base.not_run(self.place, program, ran))
-        evidence = (base.declared_evidence(f"line expected from `{self.command}` on {where}", self.expect),)
+        evidence = (
+            base.declared_evidence(msg(f"line expected from `{arg(self.command)}` on {arg(where)}"), self.expect),
+        )
         if not_there or not isinstance(ran, base.CommandResult):
             return base.ProbeResult(not_there, evidence)
         every = [line.strip() for line in ran.out.splitlines() if line.strip()]
@@ -92,7 +95,7 @@ class ExpectedLine:
             )
         if ran.rc != 0:
             return base.ProbeResult((self._exit_finding(where, ran),), (*evidence, *self._line_evidence(line)))
-        message = f"`{self.command}` prints the expected line on {where}"
+        message = msg(f"`{arg(self.command)}` prints the expected line on {arg(where)}")
         return base.ProbeResult(
             (LinkFinding(Verdict.PASS, "line-found", message),), (*evidence, *self._line_evidence(line))
         )
@@ -100,15 +103,19 @@ class ExpectedLine:
     def _line_evidence(self, line: str | None) -> tuple[Evidence, ...]:
         if line is None or self.command.startswith("cat "):
             return ()
-        return (base.read(f"line of `{self.command}`", line[:_LONGEST]),)
+        return (base.read(msg(f"line of `{arg(self.command)}`"), line[:_LONGEST]),)
 
     def _missing_line_finding(self, where: str, ran: base.CommandResult) -> LinkFinding:
-        message = f"`{self.command}` does not print on {where} the line `{self.expect}`"
+        message = msg(f"`{arg(self.command)}` does not print on {arg(where)} the line `{arg(self.expect)}`")
         if ran.rc != 0:
-            message += f"; exit code {ran.rc}"
-        hint = f"run `{self.command}` on {where}; fix the cause, or correct `expect:` of the item"
+            message += msg(f"; exit code {arg(ran.rc)}")
+        hint = msg(f"run `{arg(self.command)}` on {arg(where)}; fix the cause, or correct `expect:` of the item")
         return LinkFinding(Verdict.FAIL, "line-missing", message, hint)
 
     def _exit_finding(self, where: str, ran: base.CommandResult) -> LinkFinding:
-        message = f"`{self.command}` prints the expected line on {where}, but its exit code is {ran.rc}"
-        return LinkFinding(Verdict.INCONCLUSIVE, "program-failed", message, f"run it on {where} and check the output")
+        message = msg(
+            f"`{arg(self.command)}` prints the expected line on {arg(where)}, but its exit code is {arg(ran.rc)}"
+        )
+        return LinkFinding(
+            Verdict.INCONCLUSIVE, "program-failed", message, msg(f"run it on {arg(where)} and check the output")
+        )

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import Column, Link
 from atlantis_netcfg.links import LinkFinding, LinkState
 
@@ -58,9 +59,9 @@ def passing_finding(values: Mapping[str, Any]) -> LinkFinding | None:
         return LinkFinding(
             Verdict.INCONCLUSIVE, "not-tried", "its device reports it as up, but no traffic was seen", hint
         )
-    after = "" if quality.get("rtt_ms") is None else f", round trip {quality['rtt_ms']:g} ms"
-    level = "" if quality.get("signal_dbm") is None else f", signal {quality['signal_dbm']:g} dBm"
-    return LinkFinding(Verdict.PASS, "up", f"the link is up{after}{level}")
+    after = msg("" if quality.get("rtt_ms") is None else f", round trip {arg(quality['rtt_ms']):g} ms")
+    level = msg("" if quality.get("signal_dbm") is None else f", signal {arg(quality['signal_dbm']):g} dBm")
+    return LinkFinding(Verdict.PASS, "up", msg(f"the link is up{arg(after)}{arg(level)}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,7 @@ class LinkProbe:
         """Take over the findings of the link."""
         answer = results.get("look")
         if not isinstance(answer, base.LinkStatusResult) or answer.trouble is not None or answer.link is None:
-            return base.ProbeResult((base.no_answer_finding(f"the devices of {self.link}", answer),))
+            return base.ProbeResult((base.no_answer_finding(msg(f"the devices of {arg(self.link)}"), answer),))
         values = answer.link
         findings = tuple(_findings(values))
         finding = self.good(values)
@@ -111,7 +112,7 @@ def link_steps(
 
 def _unknown_state_finding(link: str) -> LinkFinding:
     hint = "check its own device, then check again"
-    return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", f"the state of {link} is unknown", hint)
+    return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", msg(f"the state of {arg(link)} is unknown"), hint)
 
 
 def _findings(values: Mapping[str, Any]) -> Iterator[LinkFinding]:
@@ -123,14 +124,14 @@ def _findings(values: Mapping[str, Any]) -> Iterator[LinkFinding]:
 
 def _evidence(values: Mapping[str, Any]) -> tuple[report.Evidence, ...]:
     quality = (values.get("quality") or {}).items()
-    of = f"of {values['box']}" if values.get("box") else "of the link"
+    of = msg(f"of {arg(values['box'])}" if values.get("box") else "of the link")
     readings = [
         base.read(f"{name} {of}", value, unit)
         for key, value in quality
         if value is not None
         for name, unit in [_split_name(key)]
     ]
-    return (base.read(f"state {of}", values.get("state", "unknown")), *readings)
+    return (base.read(msg(f"state {arg(of)}"), values.get("state", "unknown")), *readings)
 
 
 def _split_name(key: str) -> tuple[str, str]:
@@ -152,7 +153,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     links = link_steps(
         cell,
         Column.LTE,
-        lambda _: f"4G of {cell.name} is registered, has an address, and carries traffic",
+        lambda _: msg(f"4G of {arg(cell.name)} is registered, has an address, and carries traffic"),
         _check_registration,
     )
     return links or (_lte_manual_step(cell),)
@@ -165,19 +166,19 @@ def _check_registration(values: Mapping[str, Any]) -> LinkFinding | None:
     if up is None or up.verdict is not Verdict.PASS or not quality.get("registration"):
         return up
     words = f"{quality['registration']}".replace("_", " ")
-    network = f" in {quality['operator']}" if quality.get("operator") else ""
-    return LinkFinding(up.verdict, up.code, f"{up.message}; the unit reports: {words}{network}")
+    network = msg(f" in {arg(quality['operator'])}" if quality.get("operator") else "")
+    return LinkFinding(up.verdict, up.code, msg(f"{arg(up.message)}; the unit reports: {arg(words)}{arg(network)}"))
 
 
 def _lte_manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
-        title=f"4G of {cell.name} works",
+        title=msg(f"4G of {arg(cell.name)} works"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=(
-            f"Open the page of the 4G unit of {cell.name}. Unplug every other link, then load a page over it. Enter "
-            "no PIN: three wrong ones lock the SIM."
+        do=msg(
+            f"Open the page of the 4G unit of {arg(cell.name)}. Unplug every other link, then load a page over it. "
+            "Enter no PIN: three wrong ones lock the SIM."
         ),
         look_for="The unit is registered, at home or roaming as the SIM's contract allows, and the page loads.",
     )

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
@@ -90,8 +91,9 @@ def read_neighbour(answer: base.Answer | None, address: str) -> str | None:
 def own_address(place: base.Place, name: str, address: str, way: NeighbourRoute | None) -> Iterator[LinkFinding]:
     """Yield a finding if the address belongs to the probing computer, whose own replies prove nothing."""
     if way is not None and way.interface == _LOOPBACK:
-        message = (
-            f"{base.PLACES[place]} itself has the address of {name}, {address}: its pings never leave the computer"
+        message = msg(
+            f"{arg(base.PLACES[place])} itself has the address of {arg(name)}, {arg(address)}: its pings never leave "
+            "the computer"
         )
         hint = "remove the address there, or correct it in the inventory: `ip -br addr` shows the addresses"
         yield LinkFinding(Verdict.FAIL, "own-address", message, hint)
@@ -182,7 +184,7 @@ def read_ping(out: str, address: str) -> Echoes | None:
         has_damage=any(word in out for word in _DAMAGE_WORDS),
         mean_ms=float(times[2]) if times else None,
         worst_ms=float(times[3]) if times else None,
-        refusal=f"{refusal[1]} reports: {refusal[2]}" if refusal else None,
+        refusal=msg(f"{arg(refusal[1])} reports: {arg(refusal[2])}") if refusal else None,
     )
 
 
@@ -195,19 +197,31 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
     if echoes is None:
         lines = (answer.err or answer.out).strip().splitlines()
         why = f": {lines[0][:120]}" if lines else ""
-        message = f"no ping was sent to {target.name} ({target.address}) from {base.PLACES[target.place]}{why}"
-        hint = f"ping it manually from there: ping {target.address}"
+        message = msg(
+            f"no ping was sent to {arg(target.name)} ({arg(target.address)}) from "
+            f"{arg(base.PLACES[target.place])}{arg(why)}"
+        )
+        hint = msg(f"ping it manually from there: ping {arg(target.address)}")
         return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
-    where = f"{target.name} from {base.PLACES[target.place]}"
-    evidence = [base.measured_evidence(f"ping replies from {where}", f"{echoes.received_count} of {echoes.sent_count}")]
+    where = msg(f"{arg(target.name)} from {arg(base.PLACES[target.place])}")
+    evidence = [
+        base.measured_evidence(
+            msg(f"ping replies from {arg(where)}"), msg(f"{arg(echoes.received_count)} of {arg(echoes.sent_count)}")
+        )
+    ]
     if echoes.mean_ms is not None and echoes.worst_ms is not None:
-        evidence.append(base.measured_evidence(f"mean round trip to {where}", echoes.mean_ms, "ms"))
-        evidence.append(base.measured_evidence(f"longest round trip to {where}", echoes.worst_ms, "ms"))
-    who = f"{target.name} ({target.address})"
+        evidence.append(base.measured_evidence(msg(f"mean round trip to {arg(where)}"), echoes.mean_ms, "ms"))
+        evidence.append(base.measured_evidence(msg(f"longest round trip to {arg(where)}"), echoes.worst_ms, "ms"))
+    who = msg(f"{arg(target.name)} ({arg(target.address)})")
     strange = tuple(odd_answers(who, echoes))
     if echoes.sent_count < COUNT:
-        message = f"only {echoes.sent_count} of {COUNT} pings were sent to {who}; {echoes.received_count} got a reply"
-        hint = f"repeat the check; if nothing changes, find out what ends `ping` on {base.PLACES[target.place]}"
+        message = msg(
+            f"only {arg(echoes.sent_count)} of {arg(COUNT)} pings were sent to {arg(who)}; "
+            f"{arg(echoes.received_count)} got a reply"
+        )
+        hint = msg(
+            f"repeat the check; if nothing changes, find out what ends `ping` on {arg(base.PLACES[target.place])}"
+        )
         cut = LinkFinding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
         return base.ProbeResult((cut, *strange), tuple(evidence))
     findings = (_loss(target, echoes), *_slow_findings(target, echoes))
@@ -218,44 +232,52 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
 def odd_answers(who: str, echoes: Echoes) -> Iterator[LinkFinding]:
     """Yield findings about suspicious replies, however many there are."""
     if echoes.others:
-        message = f"{echoes.others[0]} responds in place of {who}"
+        message = msg(f"{arg(echoes.others[0])} responds in place of {arg(who)}")
         hint = "something on the path responds for others: check for a proxy, a captive portal, or a redirect rule"
         yield LinkFinding(Verdict.FAIL, "another-answers", message, hint)
     if echoes.has_damage:
-        message = f"replies from {who} came back corrupted"
+        message = msg(f"replies from {arg(who)} came back corrupted")
         hint = "something on the path changes packets: check cables, cards and drivers, then repeat the check"
         yield LinkFinding(Verdict.FAIL, "answers-damaged", message, hint)
     if echoes.twice:
         many = echoes.twice > MANY_TWICE * max(echoes.received_count, 1)
-        message = (
-            f"{who} replied to {echoes.received_count} of {echoes.sent_count} pings, and {echoes.twice} "
-            "replies came twice"
+        message = msg(
+            f"{arg(who)} replied to {arg(echoes.received_count)} of {arg(echoes.sent_count)} pings, and "
+            f"{arg(echoes.twice)} replies came twice"
         )
         hint = "two devices have this address, or the network has a loop: unplug it and ping again"
         yield LinkFinding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
 
 
 def _loss(target: NeighbourPing, echoes: Echoes) -> LinkFinding:
-    who = f"{target.name} ({target.address})"
+    who = msg(f"{arg(target.name)} ({arg(target.address)})")
     if not echoes.received_count:
         refusal_text = f"; {echoes.refusal}" if echoes.refusal else ""
         hint = "check that it is switched on, has this address, and is allowed to reply to pings"
         return LinkFinding(
-            Verdict.FAIL, "silent", f"{who} replied to none of {echoes.sent_count} pings{refusal_text}", hint
+            Verdict.FAIL,
+            "silent",
+            msg(f"{arg(who)} replied to none of {arg(echoes.sent_count)} pings{arg(refusal_text)}"),
+            hint,
         )
-    message = f"{who} replied to {echoes.received_count} of {echoes.sent_count} pings"
+    message = msg(f"{arg(who)} replied to {arg(echoes.received_count)} of {arg(echoes.sent_count)} pings")
     loss = echoes.loss_percent
     if loss <= target.loss_percent:
-        after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
+        after = msg("" if echoes.mean_ms is None else f", in {arg(echoes.mean_ms):g} ms")
         return LinkFinding(Verdict.PASS, "answers", message + after)
     verdict = Verdict.FAIL if loss >= target.fail_percent else Verdict.WARN
     hint = "check for a bad connector, a weak signal, other users of the channel, or two devices with this address"
-    return LinkFinding(verdict, "loss", f"{message}: the loss of {loss:g} % exceeds {target.loss_percent:g} %", hint)
+    return LinkFinding(
+        verdict,
+        "loss",
+        msg(f"{arg(message)}: the loss of {arg(loss):g} % exceeds {arg(target.loss_percent):g} %"),
+        hint,
+    )
 
 
 def _slow_findings(target: NeighbourPing, echoes: Echoes) -> tuple[LinkFinding, ...]:
     if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
         return ()
-    message = f"{target.name} replies after {echoes.mean_ms:g} ms on average, above {SLOW_MS:g} ms"
+    message = msg(f"{arg(target.name)} replies after {arg(echoes.mean_ms):g} ms on average, above {arg(SLOW_MS):g} ms")
     hint = "stop large transfers and check again; Wi-Fi power saving or retransmissions also cause this"
     return (LinkFinding(Verdict.WARN, "slow", message, hint),)

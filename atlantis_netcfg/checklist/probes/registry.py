@@ -28,6 +28,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.acoustic.modem import refused_reason
 from atlantis_netcfg.checklist.report import ItemKind, Phase
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import ETHERNET, Column
 
 if TYPE_CHECKING:
@@ -76,10 +77,10 @@ def by_a_person(cell: base.Cell) -> base.Step:
     title = TITLES[cell.endpoint]
     return base.Step(
         name="",
-        title=f"{title} of {cell.name} works",
+        title=msg(f"{arg(title)} of {arg(cell.name)} works"),
         kind=ItemKind.PERSON,
         phase=_PHASES.get(cell.endpoint, Phase.BENCH),
-        do=f"Use {title} of {cell.name} as in the planned test; the inventory has no probe for it.",
+        do=msg(f"Use {arg(title)} of {arg(cell.name)} as in the planned test; the inventory has no probe for it."),
         look_for="What is sent arrives, in both directions if it has two.",
     )
 

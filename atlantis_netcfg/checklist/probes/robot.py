@@ -13,6 +13,7 @@ from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import fill_hint
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import ControlCentre
 from atlantis_netcfg.inventory.model.robot import TopicKind
 from atlantis_netcfg.links import LinkFinding
@@ -159,7 +160,7 @@ def _observation(answer: base.Answer | None, host: str) -> RobotObservation | Li
 
 def _complete_hint(finding: LinkFinding, site: str) -> LinkFinding:
     """Complete a hint with a command that can be typed while a checklist is open."""
-    again = f"`provision robot discover site={site} for=60s` listens for longer"
+    again = msg(f"`provision robot discover site={arg(site)} for=60s` listens for longer")
     return replace(finding, hint=again if finding.hint == _LONGER else fill_hint(finding.hint or "", site=site))
 
 
@@ -167,7 +168,8 @@ def _evidence(writers: Collection[HeardWriter]) -> Iterator[Evidence]:
     for writer in writers:
         rate = "rate unknown" if writer.rate_hz is None else f"{writer.rate_hz:.2g} Hz"
         yield base.measured_evidence(
-            writer.topic, f"{rate}, {writer.messages} messages of {writer.size_bytes} bytes, {writer.type}"
+            writer.topic,
+            msg(f"{arg(rate)}, {arg(writer.messages)} messages of {arg(writer.size_bytes)} bytes, {arg(writer.type)}"),
         )
 
 
@@ -181,8 +183,8 @@ class _BrokenFile:
         return ()
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:  # noqa: ARG002 - as every probe has it
-        message = f"the file of {self.vehicle} has errors, so nothing can be compared with it"
-        hint = f"`provision robot validate vehicle={self.vehicle}` lists them"
+        message = msg(f"the file of {arg(self.vehicle)} has errors, so nothing can be compared with it")
+        hint = msg(f"`provision robot validate vehicle={arg(self.vehicle)}` lists them")
         return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
 
 
@@ -205,11 +207,13 @@ class _VpnOfRobot:
         members = [member for member in answer.members if member.vehicle == self.vehicle]
         session = next((member for member in members if member.session), None)
         if session is not None:
-            message = f"{session.name} is connected to the VPN server"
-            evidence = base.read("session at the VPN server", f"{session.name} from {session.session}")
+            message = msg(f"{arg(session.name)} is connected to the VPN server")
+            evidence = base.read("session at the VPN server", msg(f"{arg(session.name)} from {arg(session.session)}"))
             return base.ProbeResult((LinkFinding(Verdict.PASS, "member-connected", message),), (evidence,))
         if not members and self.behind:
-            text = f"{self.name} is not a VPN member: it is in the LAN of {self.behind}, behind its router"
+            text = msg(
+                f"{arg(self.name)} is not a VPN member: it is in the LAN of {arg(self.behind)}, behind its router"
+            )
             return base.ProbeResult((LinkFinding(Verdict.SKIP, "behind-router", text),))
         return base.ProbeResult(
             (self._not_connected_finding([member.name for member in members if member.has_certificate]),)
@@ -218,12 +222,12 @@ class _VpnOfRobot:
     def _not_connected_finding(self, member_names: Collection[str]) -> LinkFinding:
         status = "`provision vpn status` shows all members and who is connected"
         if not member_names:
-            message = f"{self.name} has no valid VPN certificate, and no address in the LAN of the site"
+            message = msg(f"{arg(self.name)} has no valid VPN certificate, and no address in the LAN of the site")
             if self.behind:
-                message = f"all VPN certificates of {self.name} are revoked"
+                message = msg(f"all VPN certificates of {arg(self.name)} are revoked")
             return LinkFinding(Verdict.FAIL, "no-member", message, status)
-        message = f"{', '.join(member_names)} is not connected to the VPN server"
-        return LinkFinding(Verdict.FAIL, "member-away", message, f"start OpenVPN on the robot; {status}")
+        message = msg(f"{arg(join(', ', member_names))} is not connected to the VPN server")
+        return LinkFinding(Verdict.FAIL, "member-away", message, msg(f"start OpenVPN on the robot; {arg(status)}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,7 +258,7 @@ class _DiscoveryProbe(_OfRobot):
         evidence = tuple(self._configuration_evidence(report, observation))
         if wrong:
             return base.ProbeResult(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
-        text = f"{self.name} announces itself as its file says"
+        text = msg(f"{arg(self.name)} announces itself as its file says")
         return base.ProbeResult((LinkFinding(Verdict.PASS, "introduced", text),), evidence)
 
     @staticmethod
@@ -265,7 +269,8 @@ class _DiscoveryProbe(_OfRobot):
             if writer.participant in keys:
                 where = observation.participants.get(writer.participant, "an unknown address")
                 yield base.measured_evidence(
-                    f"configuration from {where}", f"{writer.messages} in {observation.seconds:.0f} s"
+                    msg(f"configuration from {arg(where)}"),
+                    msg(f"{arg(writer.messages)} in {arg(observation.seconds):.0f} s"),
                 )
 
 
@@ -290,7 +295,7 @@ class _TopicsProbe(_OfRobot):
             return base.ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         if report.state is RobotState.MISSING:
-            message = f"{self.name} was not discovered, so what it publishes is unknown"
+            message = msg(f"{arg(self.name)} was not discovered, so what it publishes is unknown")
             hint = "get it discovered first, then check again"
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
         names = [topic.name for topic in self.topics()]
@@ -305,10 +310,10 @@ class _TopicsProbe(_OfRobot):
     def _summary_finding(self, names: Collection[str], writers: Collection[HeardWriter]) -> LinkFinding:
         topics = {writer.topic for writer in writers}
         if not topics:
-            message = f"none of {', '.join(names)} was received from {self.name}"
+            message = msg(f"none of {arg(join(', ', names))} was received from {arg(self.name)}")
             hint = "check the program on the robot that publishes them"
             return LinkFinding(Verdict.INCONCLUSIVE, "not-heard", message, hint)
-        text = f"{len(topics)} of {len(names)} topics of {self.name} are as expected"
+        text = msg(f"{arg(len(topics))} of {arg(len(names))} topics of {arg(self.name)} are as expected")
         return LinkFinding(Verdict.PASS, "heard", text)
 
 
@@ -335,5 +340,5 @@ class _Strangers:
             message = "no robot was discovered, so robots outside the inventory cannot be seen"
             hint = "check that this computer is in the robots' network and in the domain of `dds.domain`"
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
-        text = f"{len(observation.configurations)} robots discovered, all in the inventory"
+        text = msg(f"{arg(len(observation.configurations))} robots discovered, all in the inventory")
         return base.ProbeResult((LinkFinding(Verdict.PASS, "all-known", text),))

@@ -15,6 +15,7 @@ from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.link_probe import LinkProbe, column_links
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 from atlantis_netcfg.links import LinkFinding
@@ -67,11 +68,11 @@ class AllowListProbe:
         target_findings = [entry for entry in result.findings if entry.code in _TARGET_CODES]
         proved_findings = [item for item in target_findings if item.verdict in _GOOD_VERDICTS]
         if not target_findings:
-            message = f"nothing was tested over {self.link}"
+            message = msg(f"nothing was tested over {arg(self.link)}")
             hint = "set `refused_probes` of the link: our own addresses that must not be reachable"
             yield LinkFinding(Verdict.INCONCLUSIVE, "nothing-tried", message, hint)
         elif not proved_findings:
-            message = f"none of {len(target_findings)} targets could be verified over {self.link}"
+            message = msg(f"none of {arg(len(target_findings))} targets could be verified over {arg(self.link)}")
             hint = "test again while the satellite carries the traffic: unplug the other links"
             yield LinkFinding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
         else:
@@ -85,22 +86,22 @@ class AllowListProbe:
             yield replace(finding, verdict=weaker, hint=finding.hint or self._hints.get(finding.code))
 
     def _summarize(self, proved_count: int, target_count: int, untried_count: int) -> LinkFinding:
-        message = f"{proved_count} of {target_count} targets were verified over {self.link}"
+        message = msg(f"{arg(proved_count)} of {arg(target_count)} targets were verified over {arg(self.link)}")
         if not untried_count:
             return LinkFinding(Verdict.PASS, "proved", message)
-        message = f"{message}, {untried_count} could not be tested"
+        message = msg(f"{arg(message)}, {arg(untried_count)} could not be tested")
         return LinkFinding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
 
     @property
     def _hints(self) -> Mapping[str, str]:
         """Hints for results that have none."""
         try_all = f"`provision measure satellite site={self.site} --try-all`"
-        return {_NOT_TRIED: f"test while the satellite carries the traffic, or {try_all}"}
+        return {_NOT_TRIED: msg(f"test while the satellite carries the traffic, or {arg(try_all)}")}
 
     def _evidence(self, result: base.AllowListTestResult) -> Iterator[report.Evidence]:
-        yield base.measured_evidence(f"duration of the test over {self.link}", round(result.seconds, 1), "s")
+        yield base.measured_evidence(msg(f"duration of the test over {arg(self.link)}"), round(result.seconds, 1), "s")
         if result.bill:
-            yield base.measured_evidence(f"cost over {self.link}", result.bill)
+            yield base.measured_evidence(msg(f"cost over {arg(self.link)}"), result.bill)
 
 
 def steps(cell: base.Cell) -> tuple[base.Step, ...]:
@@ -116,7 +117,7 @@ def _of_link(cell: base.Cell, link: model.Link, number: int) -> Iterator[base.St
     concerns = tuple(item for item in (link.device,) if item is not None)
     yield base.Step(
         name=link.name if number else "",
-        title=f"The router sees the satellite terminal of {cell.name}; nothing is sent",
+        title=msg(f"The router sees the satellite terminal of {arg(cell.name)}; nothing is sent"),
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.BENCH,
         probe=LinkProbe(link.name, _there),
@@ -124,12 +125,12 @@ def _of_link(cell: base.Cell, link: model.Link, number: int) -> Iterator[base.St
     )
     yield base.Step(
         name=f"{before}allow-list",
-        title=f"The satellite of {cell.name} passes what the inventory allows, and nothing else",
+        title=msg(f"The satellite of {arg(cell.name)} passes what the inventory allows, and nothing else"),
         kind=report.ItemKind.ACTIVE,
         phase=report.Phase.QUAY,
         probe=AllowListProbe(link.name, cell.site),
         consent=base.Consent(
-            question=f"the terminal of {cell.name} has a view of the sky; up to 20 kB of airtime may be used",
+            question=msg(f"the terminal of {arg(cell.name)} has a view of the sky; up to 20 kB of airtime may be used"),
             prompt=(
                 "please wait: unresponsive targets are retried for 90 s, because gaps of 70 s are normal on this link"
             ),
@@ -142,14 +143,16 @@ def _of_link(cell: base.Cell, link: model.Link, number: int) -> Iterator[base.St
 
 
 def _firewall(cell: base.Cell, link: model.Link, before: str, concerns: tuple[str, ...]) -> base.Step:
-    targets = ", ".join(_target(allowed_target) for allowed_target in allowed_targets(cell.inventory.pilot, link))
+    targets = join(", ", (_target(allowed_target) for allowed_target in allowed_targets(cell.inventory.pilot, link)))
     return base.Step(
         name=f"{before}firewall",
-        title=f"The terminal's own firewall passes only addresses of ATLANTIS ({link.device})",
+        title=msg(f"The terminal's own firewall passes only addresses of ATLANTIS ({arg(link.device)})"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=f"Open the pages of {link.device} and check its firewall; attach a screenshot.",
-        look_for=f"The firewall is on and allows only these: {targets}. The password is not the factory default.",
+        do=msg(f"Open the pages of {arg(link.device)} and check its firewall; attach a screenshot."),
+        look_for=msg(
+            f"The firewall is on and allows only these: {arg(targets)}. The password is not the factory default."
+        ),
         concerns=concerns,
     )
 
@@ -157,23 +160,25 @@ def _firewall(cell: base.Cell, link: model.Link, before: str, concerns: tuple[st
 def _terminal(cell: base.Cell, link: model.Link, before: str, concerns: tuple[str, ...]) -> base.Step:
     box = cell.inventory.hosts.get(link.device or "")
     evidence = getattr(box.device, "evidence", None) if box is not None else None
-    firmware = (
-        f"the firmware is {evidence.firmware}, as in the inventory" if evidence is not None else "note the firmware"
+    firmware = msg(
+        f"the firmware is {arg(evidence.firmware)}, as in the inventory"
+        if evidence is not None
+        else "note the firmware"
     )
     return base.Step(
         name=f"{before}terminal",
-        title=f"The terminal's own pages show signal, position and a data session ({link.device})",
+        title=msg(f"The terminal's own pages show signal, position and a data session ({arg(link.device)})"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.QUAY,
-        do=f"Open the pages of {link.device} under a clear sky; attach a screenshot of its status.",
-        look_for=f"It shows a signal, its position and a data session, and no alarm; {firmware}.",
+        do=msg(f"Open the pages of {arg(link.device)} under a clear sky; attach a screenshot of its status."),
+        look_for=msg(f"It shows a signal, its position and a data session, and no alarm; {arg(firmware)}."),
         concerns=concerns,
     )
 
 
 def _target(target: model.AllowedTarget) -> str:
     port = "" if target.port is None else f" {target.transport} {target.port}"
-    return f"{target.name} ({target.address}{port})"
+    return msg(f"{arg(target.name)} ({arg(target.address)}{arg(port)})")
 
 
 def _there(values: Mapping[str, Any]) -> LinkFinding | None:
@@ -183,9 +188,9 @@ def _there(values: Mapping[str, Any]) -> LinkFinding | None:
         return None
     port = quality.get("port") or "its port"
     if quality.get("next_hop_seen") == "yes":
-        message = f"port {port} has a link, and the terminal responded on it; nothing was sent over the air"
+        message = msg(f"port {arg(port)} has a link, and the terminal responded on it; nothing was sent over the air")
         return LinkFinding(Verdict.PASS, "terminal-there", message)
-    message = f"port {port} has a link, but the terminal has not responded on it recently"
+    message = msg(f"port {arg(port)} has a link, but the terminal has not responded on it recently")
     hint = "this is no proof: the router only looks for it when it sends; the allow-list item shows more"
     return LinkFinding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
 
@@ -193,10 +198,12 @@ def _there(values: Mapping[str, Any]) -> LinkFinding | None:
 def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
-        title=f"Satellite of {cell.name} works",
+        title=msg(f"Satellite of {arg(cell.name)} works"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.QUAY,
-        do=f"Open the pages of the satellite terminal of {cell.name} under a clear sky, then send one small message."
-        " Each byte may cost.",
+        do=msg(
+            f"Open the pages of the satellite terminal of {arg(cell.name)} under a clear sky, then send one small "
+            "message. Each byte may cost."
+        ),
         look_for="It shows a signal and a data session, and the message arrives within 90 s: gaps of 70 s occur.",
     )

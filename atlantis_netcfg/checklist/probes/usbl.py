@@ -29,6 +29,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 )
 from atlantis_netcfg.checklist.probes.acoustic.status import damage
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import AcousticDriver, UsblEndpoint
 from atlantis_netcfg.links import LinkFinding
 
@@ -52,8 +53,10 @@ _BUSY, _TIMEOUT = 0x30, 0x34
 def ping_consent(name: str, beacon: int) -> base.Consent:
     """Return the consent that a person must give before a ping is transmitted."""
     return base.Consent(
-        question=f"{name} and the vehicle with the beacon {beacon} are in the water, nobody dives near them, "
-        "and they may transmit one ping"
+        question=msg(
+            f"{arg(name)} and the vehicle with the beacon {arg(beacon)} are in the water, nobody dives near them, "
+            "and they may transmit one ping"
+        )
     )
 
 
@@ -85,7 +88,7 @@ class Ping:
             ask_seatrac(seatrac.STATUS, _BELOW, within_s=_READY_S),
             ping(self.beacon, self.consent, end_pattern, within_s=_ANSWERED_S),
         )
-        return self.modem.listen(f"ping from {self.modem.where}", say, listen_s=0.0, turn=WATER)
+        return self.modem.listen(msg(f"ping from {arg(self.modem.where)}"), say, listen_s=0.0, turn=WATER)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge whether the ping was sent, and which beacon responded."""
@@ -105,7 +108,7 @@ class Ping:
     def _judge_ping(
         self, ping_reply: seatrac.SeatracAnswer, answers: tuple[seatrac.SeatracAnswer, ...], transcript: base.Transcript
     ) -> LinkFinding:
-        other = f"the beacon {self.beacon}"
+        other = msg(f"the beacon {arg(self.beacon)}")
         response = f"{seatrac.PING_RESPONSE:02X}"
         fixes = (
             entry
@@ -119,50 +122,55 @@ class Ping:
         error = seatrac.last(later, seatrac.PING_ERROR)
         if fix is not None and error is None and ping_reply.record[:1] == b"\x00":
             wrong = usbl_fixes.impossible(
-                f"the beacon of {self.name}", fix, self.local, self.width_m, self.modem.driver
+                msg(f"the beacon of {arg(self.name)}"), fix, self.local, self.width_m, self.modem.driver
             )
             if wrong is not None:
                 return wrong
             if fix.range_m is None:
-                message = f"{other} responded to the ping of {self.name}, but its range was not measured"
+                message = msg(f"{arg(other)} responded to the ping of {arg(self.name)}, but its range was not measured")
                 return LinkFinding(
                     Verdict.WARN, "no-range", message, "ping again, and check that both heads are unobstructed"
                 )
-            far = f"{fix.range_m:.1f} m away"
-            return LinkFinding(Verdict.PASS, "answered", f"{other} responded to the ping of {self.name}, {far}")
+            far = msg(f"{arg(fix.range_m):.1f} m away")
+            return LinkFinding(
+                Verdict.PASS, "answered", msg(f"{arg(other)} responded to the ping of {arg(self.name)}, {arg(far)}")
+            )
         if error is not None and error[:1] == bytes([_TIMEOUT]):
             hint = "check that both beacons are in the water and within range, and the number of the other one"
-            return LinkFinding(Verdict.FAIL, "no-answer", f"{other} did not respond to the ping of {self.name}", hint)
+            return LinkFinding(
+                Verdict.FAIL, "no-answer", msg(f"{arg(other)} did not respond to the ping of {arg(self.name)}"), hint
+            )
         status = (error or ping_reply.record)[:1]
         if status not in {b"", b"\x00"}:
-            why = "it is busy" if status[0] == _BUSY else f"its status is 0x{status[0]:02X}"
-            message = f"the beacon of {self.name} did not execute the ping: {why}"
+            why = msg("it is busy" if status[0] == _BUSY else f"its status is 0x{arg(status[0]):02X}")
+            message = msg(f"the beacon of {arg(self.name)} did not execute the ping: {arg(why)}")
             return LinkFinding(
                 Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle is not using it"
             )
-        message = f"the beacon of {self.name} sent a ping but did not report the result"
+        message = msg(f"the beacon of {arg(self.name)} sent a ping but did not report the result")
         return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
 
     def _judge_not_sent(self, answers: tuple[seatrac.SeatracAnswer, ...]) -> LinkFinding:
         record = seatrac.last(answers, seatrac.STATUS)
         if record is None:
-            message = f"no ping was sent: the transceiver of {self.name} is not idle"
+            message = msg(f"no ping was sent: the transceiver of {arg(self.name)} is not idle")
             return LinkFinding(
                 Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle is not using it"
             )
         status = seatrac.status(record)
         if status is None or status.depth_m is None:
-            message = f"no ping was sent: the beacon of {self.name} does not report its depth"
+            message = msg(f"no ping was sent: the beacon of {arg(self.name)} does not report its depth")
             hint = "ask its crew to add environment data to the status output; without a depth nothing is sent"
             return LinkFinding(Verdict.INCONCLUSIVE, "depth-unknown", message, hint)
         if status.depth_m >= _DEPTH_M:
             # The transcript does not show what was sent: a depth that came too late sends no ping.
-            message = f"the beacon of {self.name} responded too late to be pinged, or not to the ping command"
+            message = msg(f"the beacon of {arg(self.name)} responded too late to be pinged, or not to the ping command")
             return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
-        message = (
-            f"no ping was sent: the beacon of {self.name} measures a depth of {status.depth_m:.1f} m, as if in air"
+        message = msg(
+            f"no ping was sent: the beacon of {arg(self.name)} measures a depth of {arg(status.depth_m):.1f} m, as if "
+            "in air"
         )
-        hint = f"put the vehicle into the water: the ping needs a depth of {_DEPTH_M} m"
+        hint = msg(f"put the vehicle into the water: the ping needs a depth of {arg(_DEPTH_M)} m")
         return LinkFinding(Verdict.INCONCLUSIVE, "in-air", message, hint)
 
 
@@ -176,7 +184,9 @@ def _evidence(answers: tuple[seatrac.SeatracAnswer, ...]) -> Iterator[report.Evi
         fix = seatrac.fix(answer.record) if answer.number == seatrac.PING_RESPONSE else None
         if fix is not None and fix.range_m is not None:
             yield report.Evidence(
-                type=report.EvidenceType.MEASURED, what=f"range to the beacon {fix.beacon}", value=f"{fix.range_m} m"
+                type=report.EvidenceType.MEASURED,
+                what=msg(f"range to the beacon {arg(fix.beacon)}"),
+                value=f"{fix.range_m} m",
             )
 
 
@@ -187,7 +197,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
         return (_manual_step(cell),)
     passive = base.Step(
         name="",
-        title=f"The USBL of {cell.name} reports current fixes",
+        title=msg(f"The USBL of {arg(cell.name)} reports current fixes"),
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.WATER,
         probe=usbl_fixes.Fixes(
@@ -217,7 +227,7 @@ def _ping(cell: base.Cell, modem: AcousticModem, endpoint: UsblEndpoint) -> Iter
     consent = ping_consent(cell.name, endpoint.ping)
     yield base.Step(
         name="ping",
-        title=f"The beacon {endpoint.ping} responds to a ping from {cell.name}",
+        title=msg(f"The beacon {arg(endpoint.ping)} responds to a ping from {arg(cell.name)}"),
         kind=report.ItemKind.ACTIVE,
         phase=report.Phase.WATER,
         probe=Ping(modem, cell.name, endpoint.ping, consent, declared_address(cell, modem), _geofence_width_m(cell)),
@@ -229,10 +239,13 @@ def _pinged_by_a_person(cell: base.Cell, beacon: int) -> base.Step:
     """Return a step for a person: a modem other than SeaTrac measures ranges with messages, not pings."""
     return base.Step(
         name="ping",
-        title=f"The modem with the address {beacon} responds to {cell.name}",
+        title=msg(f"The modem with the address {arg(beacon)} responds to {arg(cell.name)}"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
-        do=f"With both in the water, make the software of {cell.name} locate the modem with the address {beacon}.",
+        do=msg(
+            f"With both in the water, make the software of {arg(cell.name)} locate the modem with the address "
+            f"{arg(beacon)}."
+        ),
         look_for="A position arrives, and its range roughly matches the chart.",
     )
 
@@ -242,12 +255,13 @@ def _manual_step(cell: base.Cell) -> base.Step:
     why = "it has no address at this site" if is_declared else "it is not in the inventory"
     return base.Step(
         name="",
-        title=f"The USBL of {cell.name} reports its position",
+        title=msg(f"The USBL of {arg(cell.name)} reports its position"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
-        do=(
-            f"The program cannot listen to the USBL of {cell.name}: {why}. With both transducers in the water, "
-            "and never in air, have the vehicle located from its base, some metres away and in a known direction."
+        do=msg(
+            f"The program cannot listen to the USBL of {arg(cell.name)}: {arg(why)}. With both transducers in the "
+            "water, and never in air, have the vehicle located from its base, some metres away and in a known "
+            "direction."
         ),
         look_for=(
             "A new position arrives every few seconds, in the right direction, with a range that roughly "

@@ -13,6 +13,7 @@ from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac, status
 from atlantis_netcfg.checklist.probes.acoustic.modem import AcousticModem, not_understood, transcript_or_judgement
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import AcousticDriver
 from atlantis_netcfg.links import LinkFinding
 
@@ -164,15 +165,20 @@ def impossible(
 
     `local`: address of the reporting modem; `width_m`: width of the site's waters, if it is in the inventory.
     """
-    whose = f"the address {fix.remote}"
+    whose = msg(f"the address {arg(fix.remote)}")
     if fix.delay_s < -_FUTURE_S:
-        message = f"{who} reports a fix of {whose} measured {-fix.delay_s:.0f} s from now by its own clock"
+        message = msg(
+            f"{arg(who)} reports a fix of {arg(whose)} measured {arg(-fix.delay_s):.0f} s from now by its own clock"
+        )
         return LinkFinding(Verdict.FAIL, "time-impossible", message, _REPLAY)
     if fix.remote == local:
-        message = f"{who} reports fixes of {whose}, which is its own address"
+        message = msg(f"{arg(who)} reports fixes of {arg(whose)}, which is its own address")
         return LinkFinding(Verdict.FAIL, "own-address", message, "give one of the two modems another address")
     if local is not None and fix.to not in {None, 0, local}:
-        message = f"{who} reports a fix of {whose} addressed to the beacon {fix.to}, but it is the beacon {local}"
+        message = msg(
+            f"{arg(who)} reports a fix of {arg(whose)} addressed to the beacon {arg(fix.to)}, but it is the beacon "
+            f"{arg(local)}"
+        )
         hint = "check which beacon is connected here: responses to another beacon are not its own fixes"
         return LinkFinding(Verdict.FAIL, "other-beacon", message, hint)
     return _check_distance(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
@@ -183,8 +189,9 @@ def _check_distance(
 ) -> LinkFinding | None:
     far_m = [metres for metres in (fix.range_m, fix.distance_m) if metres is not None]
     if far_m and min(far_m) <= _NEAREST_M:
-        message = (
-            f"{who} puts {whose} at {min(far_m):.1f} m, which is its own position: zeros instead of measured values"
+        message = msg(
+            f"{arg(who)} puts {arg(whose)} at {arg(min(far_m)):.1f} m, which is its own position: zeros instead of "
+            "measured values"
         )
         hint = "restart the modem, and the program that forwards its fixes"
         return LinkFinding(Verdict.FAIL, "position-null", message, hint)
@@ -198,13 +205,19 @@ def _check_distance(
 def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: AcousticDriver) -> LinkFinding | None:
     widest = min(_REACH_M[driver], width_m if width_m is not None else _REACH_M[driver])
     if far_m > widest:
-        limit = "beyond the range of such a modem" if widest == _REACH_M[driver] else f"the site is {widest:.0f} m wide"
+        limit = msg(
+            "beyond the range of such a modem"
+            if widest == _REACH_M[driver]
+            else f"the site is {arg(widest):.0f} m wide"
+        )
         hint = (
             "compare it with the actual position; correct `checklist.geofence` of the site if the test area is larger"
         )
-        return LinkFinding(Verdict.FAIL, "too-far", f"{who} puts {whose} {far_m:.0f} m away: {limit}", hint)
+        return LinkFinding(
+            Verdict.FAIL, "too-far", msg(f"{arg(who)} puts {arg(whose)} {arg(far_m):.0f} m away: {arg(limit)}"), hint
+        )
     if width_m is None and far_m > _UNDECLARED_M:
-        message = f"{who} puts {whose} {far_m:.0f} m away; the inventory has no width of the site"
+        message = msg(f"{arg(who)} puts {arg(whose)} {arg(far_m):.0f} m away; the inventory has no width of the site")
         return LinkFinding(Verdict.INCONCLUSIVE, "far-away", message, "set `checklist.geofence` of the site")
     return None
 
@@ -215,7 +228,10 @@ def _has_range_mismatch(fix: UsblFix, share: float, metres: float) -> bool:
 
 
 def _mismatch(who: str, whose: str, fix: UsblFix) -> str:
-    return f"{who} puts {whose} at {fix.distance_m:.1f} m, but the travel time of the sound gives {fix.range_m:.1f} m"
+    return msg(
+        f"{arg(who)} puts {arg(whose)} at {arg(fix.distance_m):.1f} m, but the travel time of the sound gives "
+        f"{arg(fix.range_m):.1f} m"
+    )
 
 
 _MISMATCH = "compare the configured sound speed with the water's; wall echoes also cause such fixes"
@@ -229,12 +245,15 @@ def _absurd(who: str, whose: str, fix: UsblFix) -> LinkFinding | None:
         ("an integrity", fix.integrity, "", fix.integrity is not None and fix.integrity <= 0),
         ("a fit error", fix.fit_error, "", fix.fit_error is not None and fix.fit_error < 0),
     )
-    odd = next((f"{what} of {value:g} {unit}".rstrip() for what, value, unit, wrong in values if wrong), None)
+    odd = next(
+        (msg(f"{arg(what)} of {arg(value):g} {arg(unit)}").rstrip() for what, value, unit, wrong in values if wrong),
+        None,
+    )
     if odd is None:
         return None
-    message = f"{who} reports a fix of {whose} with {odd}, which gives no valid direction"
+    message = msg(f"{arg(who)} reports a fix of {arg(whose)} with {arg(odd)}, which gives no valid direction")
     return LinkFinding(
-        Verdict.FAIL, "values-impossible", message, f"check whether anything is received at all; {_ECHOES}"
+        Verdict.FAIL, "values-impossible", message, msg(f"check whether anything is received at all; {arg(_ECHOES)}")
     )
 
 
@@ -283,7 +302,7 @@ class Fixes:
 
     @property
     def _who(self) -> str:
-        return f"the USBL of {self.name}"
+        return msg(f"the USBL of {arg(self.name)}")
 
     def _local_address(self, transcript: base.Transcript) -> int | None:
         """Return the address reported by the modem itself; None if it does not report it."""
@@ -296,12 +315,16 @@ class Fixes:
         """Yield findings if the modem is not the expected one, or the inventory lacks the modems to receive."""
         local = self._local_address(transcript)
         if local is not None and self.expected_address is not None and local != self.expected_address:
-            message = f"{self._who} has the acoustic address {local}; the inventory says {self.expected_address}"
+            message = msg(
+                f"{arg(self._who)} has the acoustic address {arg(local)}; the inventory says "
+                f"{arg(self.expected_address)}"
+            )
             hint = "check whose modem responds here, or correct `acoustic_address` in the inventory"
             yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if not self.hears:
-            message = (
-                f"the inventory does not say which addresses {self._who} should receive: fixes of any address count"
+            message = msg(
+                f"the inventory does not say which addresses {arg(self._who)} should receive: fixes of any address "
+                "count"
             )
             yield LinkFinding(Verdict.WARN, "whose-unknown", message, "set `hears` under its `endpoints.usbl`")
 
@@ -319,14 +342,15 @@ class Fixes:
         if self.modem.driver is AcousticDriver.EVOLOGICS:
             output_state = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
             if output_state == 0 and not fixes:
-                message = f"{self._who} does not output its fixes: the output is switched off (AT?ZU 0)"
+                message = msg(f"{arg(self._who)} does not output its fixes: the output is switched off (AT?ZU 0)")
                 hint = "ask its crew to switch the output of fixes on: this program never does"
                 return LinkFinding(Verdict.INCONCLUSIVE, "output-off", message, hint)
-        whose = f" of {_addresses(self.hears)}" if self.hears else ""
+        whose = msg(f" of {arg(_addresses(self.hears))}" if self.hears else "")
         others = sorted({fix.remote for fix in fixes})
-        beside = f", only of {_addresses(tuple(others))}" if others else ""
-        message = (
-            f"{self._who} reported no fix{whose} within {transcript.ended_s:.0f} s{beside}: possibly nothing pings"
+        beside = msg(f", only of {arg(_addresses(tuple(others)))}" if others else "")
+        message = msg(
+            f"{arg(self._who)} reported no fix{arg(whose)} within {arg(transcript.ended_s):.0f} s{arg(beside)}: "
+            "possibly nothing pings"
         )
         return LinkFinding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
 
@@ -335,12 +359,14 @@ class Fixes:
     ) -> Iterator[LinkFinding]:
         """Judge the fixes of one modem: possible, current, and more than one measurement."""
         if not fixes:
-            message = f"{self._who} reported no fix of the address {remote} within {transcript.ended_s:.0f} s"
+            message = msg(
+                f"{arg(self._who)} reported no fix of the address {arg(remote)} within {arg(transcript.ended_s):.0f} s"
+            )
             yield LinkFinding(Verdict.INCONCLUSIVE, "not-heard", message, _NOBODY)
             return
         again = _again(fixes)
         if again is not None:
-            message = f"{self._who} reports {again} of the address {remote}"
+            message = msg(f"{arg(self._who)} reports {arg(again)} of the address {arg(remote)}")
             yield LinkFinding(Verdict.FAIL, "repeated", message, _REPLAY)
             return
         # One measurement is as old as when it was told first.
@@ -352,46 +378,54 @@ class Fixes:
             return
         yield from self._fix_findings(remote, good, len(fixes))
         if wrong:
-            message = (
-                f"{len(wrong)} of {len(measurements)} fixes of the address {remote} are impossible: "
-                f"{_first_message(wrong)}"
+            message = msg(
+                f"{arg(len(wrong))} of {arg(len(measurements))} fixes of the address {arg(remote)} are impossible: "
+                f"{arg(_first_message(wrong))}"
             )
-            yield LinkFinding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
+            yield LinkFinding(Verdict.WARN, "some-impossible", message, msg(f"listen again; {arg(_ECHOES)}"))
 
     def _judge_fix(self, fix: UsblFix, local: int | None) -> LinkFinding | None:
-        of = f"of the address {fix.remote}"
+        of = msg(f"of the address {arg(fix.remote)}")
         finding = impossible(self._who, fix, local, self.width_m, self.modem.driver)
         if finding is not None:
             return finding
         if fix.delay_s > self.max_age_s:
-            message = f"{self._who} reports a fix {of} that was measured {fix.delay_s:.0f} s earlier"
+            message = msg(
+                f"{arg(self._who)} reports a fix {arg(of)} that was measured {arg(fix.delay_s):.0f} s earlier"
+            )
             return LinkFinding(Verdict.FAIL, "stale", message, _REPLAY)
         if fix.clock_s is not None and fix.clock_s >= _SINCE_1970_S and fix.received_at >= _SINCE_1970_S:
             ahead_s = fix.clock_s - fix.received_at
             if abs(ahead_s) > self.max_age_s:
-                apart = f"{abs(ahead_s):.0f} s {'behind' if ahead_s < 0 else 'ahead of'}"
-                message = f"{self._who} reports a fix {of} with a time {apart} the clock here"
-                hint = f"set the modem's clock; if it is right: {_REPLAY}"
+                apart = msg(f"{arg(abs(ahead_s)):.0f} s {'behind' if ahead_s < 0 else 'ahead of'}")
+                message = msg(f"{arg(self._who)} reports a fix {arg(of)} with a time {arg(apart)} the clock here")
+                hint = msg(f"set the modem's clock; if it is right: {arg(_REPLAY)}")
                 return LinkFinding(Verdict.INCONCLUSIVE, "clock-differs", message, hint)
         if fix.suspect:
             return LinkFinding(
-                Verdict.INCONCLUSIVE, "not-trusted", f"{self._who} marks its own fix {of} as unreliable", _ECHOES
+                Verdict.INCONCLUSIVE,
+                "not-trusted",
+                msg(f"{arg(self._who)} marks its own fix {arg(of)} as unreliable"),
+                _ECHOES,
             )
         return None
 
     def _fix_findings(self, remote: int, good: Sequence[UsblFix], count: int) -> Iterator[LinkFinding]:
         last = good[-1]
-        far = "" if last.range_m is None else f", {last.range_m:.1f} m away"
-        count_text = f"{count} fix{'es' if count > 1 else ''} of the address {remote}"
+        far = msg("" if last.range_m is None else f", {arg(last.range_m):.1f} m away")
+        count_text = msg(f"{arg(count)} fix{'es' if count > 1 else ''} of the address {arg(remote)}")
         if last.age_s > self.max_age_s:
-            message = f"{self._who} reported {count_text}, but none for {last.age_s:.0f} s"
+            message = msg(f"{arg(self._who)} reported {arg(count_text)}, but none for {arg(last.age_s):.0f} s")
             yield LinkFinding(
-                Verdict.INCONCLUSIVE, "ended", message, f"find out why they stopped, and listen again: {_NOBODY}"
+                Verdict.INCONCLUSIVE,
+                "ended",
+                message,
+                msg(f"find out why they stopped, and listen again: {arg(_NOBODY)}"),
             )
             return
-        yield LinkFinding(Verdict.PASS, "heard", f"{self._who} reported {count_text}{far}")
+        yield LinkFinding(Verdict.PASS, "heard", msg(f"{arg(self._who)} reported {arg(count_text)}{arg(far)}"))
         if len(good) == 1:
-            message = f"only one fix of the address {remote} arrived: cannot tell whether more follow"
+            message = msg(f"only one fix of the address {arg(remote)} arrived: cannot tell whether more follow")
             yield LinkFinding(Verdict.WARN, "one-fix", message, "have it pinged every few seconds, and listen again")
         yield from _quality(self._who, remote, last)
 
@@ -400,8 +434,10 @@ class Fixes:
         apart = [fix.clock_s - fix.received_at for fix in fixes if fix.clock_s is not None]
         if apart and max(apart) - min(apart) > self.max_age_s:
             far_s = max(apart) - min(apart)
-            message = f"the clock of {self._who} drifts from the clock here by {far_s:.0f} s while fixes arrive"
-            hint = f"listen again: delayed fixes arrive all at once; if nothing changes: {_REPLAY}"
+            message = msg(
+                f"the clock of {arg(self._who)} drifts from the clock here by {arg(far_s):.0f} s while fixes arrive"
+            )
+            hint = msg(f"listen again: delayed fixes arrive all at once; if nothing changes: {arg(_REPLAY)}")
             yield LinkFinding(Verdict.INCONCLUSIVE, "out-of-step", message, hint)
 
 
@@ -409,7 +445,7 @@ def _again(fixes: list[UsblFix]) -> str | None:
     """Return a description if the same measurement is repeated, or returns after another; else None."""
     keys = [(fix.form, fix.stamp) for fix in fixes]
     if len(keys) > len({fix.form for fix in fixes}) and len({fix.stamp for fix in fixes}) == 1:
-        return f"one fix {len(keys)} times"
+        return msg(f"one fix {arg(len(keys))} times")
     for form in {fix.form for fix in fixes}:
         stamps = [fix.stamp for fix in fixes if fix.form == form]
         runs = [stamp for place, stamp in enumerate(stamps) if not place or stamp != stamps[place - 1]]
@@ -428,31 +464,40 @@ def _first_message(wrong: Mapping[int, LinkFinding]) -> str:
 
 
 def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[LinkFinding]:
-    of = f"of the address {remote}"
+    of = msg(f"of the address {arg(remote)}")
     if fix.range_m is None:
         hint = "a receiver that does not ping itself gets only a direction, no range; check how it is pinged"
-        yield LinkFinding(Verdict.WARN, "direction-only", f"{who} reports only the direction {of}, no range", hint)
+        yield LinkFinding(
+            Verdict.WARN, "direction-only", msg(f"{arg(who)} reports only the direction {arg(of)}, no range"), hint
+        )
     elif not fix.has_direction:
         hint = "a SeaTrac X110 measures no direction: connect the X150, or remove it from the column"
-        yield LinkFinding(Verdict.WARN, "range-only", f"{who} reports only the range {of}, no direction", hint)
+        yield LinkFinding(
+            Verdict.WARN, "range-only", msg(f"{arg(who)} reports only the range {arg(of)}, no direction"), hint
+        )
     elif _has_range_mismatch(fix, _OFF_SHARE, _OFF_M):
         yield LinkFinding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
     low, high = status.RSSI_DB
     if fix.rssi_db is not None and not low <= fix.rssi_db <= high:
         weak = fix.rssi_db < low
-        message = f"{who} hears {of[3:]} too {'weakly' if weak else 'strongly'}: {fix.rssi_db:.0f} dB"
+        message = msg(
+            f"{arg(who)} hears {arg(of[3:])} too {'weakly' if weak else 'strongly'}: {arg(fix.rssi_db):.0f} dB"
+        )
         hint = "check the transducers and what is between them" if weak else "move the modems apart"
         yield LinkFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
     if fix.integrity is not None and fix.integrity < status.INTEGRITY_LOW:
-        message = f"{who} receives a poor signal {of}: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
+        message = msg(
+            f"{arg(who)} receives a poor signal {arg(of)}: integrity {arg(fix.integrity):.0f}, good is "
+            f"{arg(status.INTEGRITY_LOW)}"
+        )
         hint = "check for echoes (walls, the hull, the surface) and noise, and listen again"
         yield LinkFinding(Verdict.WARN, "integrity-low", message, hint)
     if fix.accuracy is not None and fix.accuracy > _ACCURACY_POOR:
-        message = f"{who} knows the direction {of} only to {math.degrees(fix.accuracy):.0f} degrees"
+        message = msg(f"{arg(who)} knows the direction {arg(of)} only to {arg(math.degrees(fix.accuracy)):.0f} degrees")
         yield LinkFinding(Verdict.WARN, "accuracy-poor", message, _ECHOES)
     if fix.fit_error is not None and fix.fit_error > _FIT_POOR:
-        poor = f"fit error {fix.fit_error:.1f}, good is below {_FIT_POOR:g}"
-        message = f"{who} measured a poor direction {of}: {poor}"
+        poor = msg(f"fit error {arg(fix.fit_error):.1f}, good is below {arg(_FIT_POOR):g}")
+        message = msg(f"{arg(who)} measured a poor direction {arg(of)}: {arg(poor)}")
         yield LinkFinding(Verdict.WARN, "poor-fit", message, _ECHOES)
 
 
@@ -465,23 +510,25 @@ def _evidence(fixes: tuple[UsblFix, ...]) -> Iterator[Evidence]:
     for remote in sorted({fix.remote for fix in fixes}):
         its = [fix for fix in fixes if fix.remote == remote]
         yield Evidence(
-            type=EvidenceType.MEASURED, what=f"fixes of the address {remote}", value="; ".join(_fix_values(its))
+            type=EvidenceType.MEASURED,
+            what=msg(f"fixes of the address {arg(remote)}"),
+            value=join("; ", _fix_values(its)),
         )
 
 
 def _fix_values(fixes: list[UsblFix]) -> Iterator[str]:
     last = fixes[-1]
     yield f"{len(fixes)}"
-    yield f"last {last.age_s:.1f} s old"
+    yield msg(f"last {arg(last.age_s):.1f} s old")
     if last.range_m is not None:
-        yield f"range {last.range_m:.2f} m"
+        yield msg(f"range {arg(last.range_m):.2f} m")
     if last.distance_m is not None:
-        yield f"position {last.distance_m:.2f} m away"
+        yield msg(f"position {arg(last.distance_m):.2f} m away")
     if last.rssi_db is not None:
-        yield f"signal {last.rssi_db:.0f} dB"
+        yield msg(f"signal {arg(last.rssi_db):.0f} dB")
     if last.integrity is not None:
-        yield f"integrity {last.integrity:.0f}"
+        yield msg(f"integrity {arg(last.integrity):.0f}")
     if last.accuracy is not None:
-        yield f"accuracy {last.accuracy:g} rad"
+        yield msg(f"accuracy {arg(last.accuracy):g} rad")
     if last.fit_error is not None:
-        yield f"fit error {last.fit_error:.2f}"
+        yield msg(f"fit error {arg(last.fit_error):.2f}")

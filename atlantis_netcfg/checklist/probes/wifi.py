@@ -29,6 +29,7 @@ from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base, ping
 from atlantis_netcfg.checklist.probes.link_probe import link_steps, reserved_mac
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import channels, model
 from atlantis_netcfg.links import LinkFinding, wifi
 
@@ -205,11 +206,11 @@ def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None
         return
     band = band_of(frequency_mhz)
     if band is None:
-        message = f"{who} is on {frequency_mhz} MHz, which is neither 2.4 nor 5 GHz"
+        message = msg(f"{arg(who)} is on {arg(frequency_mhz)} MHz, which is neither 2.4 nor 5 GHz")
         hint = "the pilot agreed on 802.11a and g: not all its radios support this band"
         yield LinkFinding(Verdict.WARN, "band", message, hint)
     elif why := channels.why_illegal(country, band, frequency_mhz, width_mhz or 20, outdoors=True):
-        message = f"{who} is on {frequency_mhz} MHz: {why}"
+        message = msg(f"{arg(who)} is on {arg(frequency_mhz)} MHz: {arg(why)}")
         hint = "set another channel on the vehicle before it goes outside: 5500 to 5700 MHz, or 2.4 GHz"
         yield LinkFinding(Verdict.WARN, "channel-indoors", message, hint)
 
@@ -220,15 +221,19 @@ def judge_country(country: str, rules: Rules, where: str) -> Iterator[LinkFindin
         return
     country_code = channels.COUNTRY_CODES[country]
     others = [item for item in rules.countries if item not in {country_code, *_NO_COUNTRY}]
-    hint = (
-        f"there: sudo iw reg set {country_code}, and `REGDOMAIN={country_code}` in /etc/default/crda to make it "
-        "permanent"
+    hint = msg(
+        f"there: sudo iw reg set {arg(country_code)}, and `REGDOMAIN={arg(country_code)}` in /etc/default/crda to make "
+        "it permanent"
     )
     if others:
-        message = f"the radio of {where} uses the rules of {others[0]}, but the pilot is in {country_code}"
+        message = msg(
+            f"the radio of {arg(where)} uses the rules of {arg(others[0])}, but the pilot is in {arg(country_code)}"
+        )
         yield LinkFinding(Verdict.WARN, "country-differs", message, hint)
     elif rules.countries and country_code not in rules.countries:
-        message = f"the radio of {where} uses the rules of no single country, but the pilot is in {country_code}"
+        message = msg(
+            f"the radio of {arg(where)} uses the rules of no single country, but the pilot is in {arg(country_code)}"
+        )
         yield LinkFinding(Verdict.WARN, "country-unset", message, hint)
 
 
@@ -239,17 +244,18 @@ IMBALANCE_DB = 6.0
 def judge_level(endpoint: model.WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[LinkFinding]:
     """Compare a level with both limits. `where` receives `who`."""
     if level is None:
-        message = f"{where} does not report the signal level of {who}"
+        message = msg(f"{arg(where)} does not report the signal level of {arg(who)}")
         yield LinkFinding(Verdict.INCONCLUSIVE, "signal-unknown", message, "check the radio's own page, or check again")
     elif level < endpoint.low_dbm:
         far = level <= endpoint.low_dbm - FAR_DB
-        message = f"{where} receives {who} at {level:g} dBm, below {endpoint.low_dbm:g} dBm"
+        message = msg(f"{arg(where)} receives {arg(who)} at {arg(level):g} dBm, below {arg(endpoint.low_dbm):g} dBm")
         hint = "bring both closer or into line of sight, and check the antennas and their connectors"
         yield LinkFinding(Verdict.FAIL if far else Verdict.WARN, "signal-weak", message, hint)
     elif level > endpoint.high_dbm:
         far = level >= endpoint.high_dbm + FAR_DB
-        message = (
-            f"{where} receives {who} at {level:g} dBm, above {endpoint.high_dbm:g} dBm: its receiver is overloaded"
+        message = msg(
+            f"{arg(where)} receives {arg(who)} at {arg(level):g} dBm, above {arg(endpoint.high_dbm):g} dBm: its "
+            "receiver is overloaded"
         )
         hint = "move both a few metres apart, or reduce the transmit power of the other end"
         yield LinkFinding(Verdict.FAIL if far else Verdict.WARN, "signal-strong", message, hint)
@@ -260,7 +266,10 @@ def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterat
     levels = [chain for chain in chains if chain is not None]
     if len(levels) > 1 and max(levels) - min(levels) > IMBALANCE_DB:
         apart = max(levels) - min(levels)
-        message = f"the chains of {where} receive {who} with {apart:g} dB difference, more than {IMBALANCE_DB:g} dB"
+        message = msg(
+            f"the chains of {arg(where)} receive {arg(who)} with {arg(apart):g} dB difference, more than "
+            f"{arg(IMBALANCE_DB):g} dB"
+        )
         hint = "check the alignment of the antennas, then the connector of the weaker chain"
         yield LinkFinding(Verdict.WARN, "chain-imbalance", message, hint)
 
@@ -278,13 +287,15 @@ def judge_rate(
         return
     hint = "check again while traffic flows; then check level, channel and width"
     if sent_mbps is None and received_mbps is None:
-        message = f"{where} does not report its rate to {who}"
+        message = msg(f"{arg(where)} does not report its rate to {arg(who)}")
         yield LinkFinding(Verdict.INCONCLUSIVE, "rate-unknown", message, hint)
     elif sent_mbps is not None and sent_mbps < floor:
-        message = f"{where} sends to {who} at {sent_mbps:g} Mbit/s, below {floor:g} Mbit/s"
+        message = msg(f"{arg(where)} sends to {arg(who)} at {arg(sent_mbps):g} Mbit/s, below {arg(floor):g} Mbit/s")
         yield LinkFinding(Verdict.FAIL, "rate-low", message, hint)
     elif received_mbps is not None and received_mbps < floor:
-        message = f"{where} last received from {who} at {received_mbps:g} Mbit/s, below {floor:g} Mbit/s"
+        message = msg(
+            f"{arg(where)} last received from {arg(who)} at {arg(received_mbps):g} Mbit/s, below {arg(floor):g} Mbit/s"
+        )
         yield LinkFinding(Verdict.WARN, "rate-low", message, hint)
 
 
@@ -331,8 +342,8 @@ class AssociatedProbe:
         link = self._link(results)
         if link is None:
             text = _program_output(results, "link").strip() or _error_output(results, "link").strip() or "nothing"
-            message = f"`iw` reports for {self._radio} something unknown: {text.splitlines()[0][:100]}"
-            hint = f"run it there: iw dev {self.endpoint.interface} link"
+            message = msg(f"`iw` reports for {arg(self._radio)} something unknown: {arg(text.splitlines()[0][:100])}")
+            hint = msg(f"run it there: iw dev {arg(self.endpoint.interface)} link")
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
         if apart := self._apart(link, results):
             return base.ProbeResult((apart,), self._evidence(link, None))
@@ -347,29 +358,29 @@ class AssociatedProbe:
 
     @property
     def _radio(self) -> str:
-        return f"{self.endpoint.interface} of {base.PLACES[self.place]}"
+        return msg(f"{arg(self.endpoint.interface)} of {arg(base.PLACES[self.place])}")
 
     def _no_interface(self, addr: base.Answer | None) -> Iterator[LinkFinding]:
         """Yield a finding if the interface is missing or switched off."""
         card = ping.read_card(addr)
         if isinstance(addr, base.CommandResult) and card is None and "does not exist" in addr.err:
             hint = "connect the radio, or correct `endpoints.wifi.interface`: `ip -br link` lists the interfaces"
-            message = f"{base.PLACES[self.place]} has no interface {self.endpoint.interface}"
+            message = msg(f"{arg(base.PLACES[self.place])} has no interface {arg(self.endpoint.interface)}")
             yield LinkFinding(Verdict.FAIL, "no-interface", message, hint)
         elif card is not None and not card.up:
-            hint = f"there: rfkill list; sudo ip link set {self.endpoint.interface} up"
-            yield LinkFinding(Verdict.FAIL, "interface-off", f"{self._radio} is switched off", hint)
+            hint = msg(f"there: rfkill list; sudo ip link set {arg(self.endpoint.interface)} up")
+            yield LinkFinding(Verdict.FAIL, "interface-off", msg(f"{arg(self._radio)} is switched off"), hint)
 
     def _no_iw(self, link: base.Answer | None) -> Iterator[LinkFinding]:
         """Yield a finding if the radio cannot be read."""
         yield from base.not_run(self.place, "iw", link)
         if isinstance(link, base.CommandResult) and link.rc and "No such device" in link.err:
             hint = "correct `endpoints.wifi.interface`: `iw dev` lists the radios"
-            message = f"{self.endpoint.interface} of {base.PLACES[self.place]} is not a radio"
+            message = msg(f"{arg(self.endpoint.interface)} of {arg(base.PLACES[self.place])} is not a radio")
             yield LinkFinding(Verdict.FAIL, "no-radio", message, hint)
         elif isinstance(link, base.CommandResult) and "nl80211 not found" in link.err:
             hint = "connect a radio, or load the driver of the installed one"
-            message = f"{base.PLACES[self.place]} has no radio known to its kernel"
+            message = msg(f"{arg(base.PLACES[self.place])} has no radio known to its kernel")
             yield LinkFinding(Verdict.FAIL, "no-radio", message, hint)
 
     def _link(self, results: Mapping[str, base.Answer]) -> WifiLink | None:
@@ -379,26 +390,33 @@ class AssociatedProbe:
         """Return a finding if the radio is not associated with the vehicle, as far as known; otherwise None."""
         kind = read_type(_program_output(results, "info"))
         if link.bssid is None and kind is not None and kind != "managed":
-            message = f"{self._radio} is not a client of an access point, but of type {kind}"
-            hint = f"the vehicle is the access point here: find out what set {self.endpoint.interface} to this type"
+            message = msg(f"{arg(self._radio)} is not a client of an access point, but of type {arg(kind)}")
+            hint = msg(
+                f"the vehicle is the access point here: find out what set {arg(self.endpoint.interface)} to this type"
+            )
             return LinkFinding(Verdict.FAIL, "no-client", message, hint)
         if link.bssid is None:
-            hint = (
-                f"check that {self.name} is on and its antenna is out of the water; then compare SSID and key at "
+            hint = msg(
+                f"check that {arg(self.name)} is on and its antenna is out of the water; then compare SSID and key at "
                 "both ends"
             )
-            message = f"{self._radio} is not associated with {self._target_text}"
+            message = msg(f"{arg(self._radio)} is not associated with {arg(self._target_text)}")
             return LinkFinding(Verdict.FAIL, "not-associated", message, hint)
         ssid = self.endpoint.ssid
         if ssid is not None and link.ssid is not None and link.ssid != ssid:
-            message = (
-                f"{self._radio} is associated with `{link.ssid}`, and a radio can use only one access point: "
-                f"`{ssid}` cannot be checked"
+            message = msg(
+                f"{arg(self._radio)} is associated with `{arg(link.ssid)}`, and a radio can use only one access point: "
+                f"`{arg(ssid)}` cannot be checked"
             )
-            hint = f"connect it to `{ssid}` when the other vehicle is done, or give each vehicle its own radio"
+            hint = msg(
+                f"connect it to `{arg(ssid)}` when the other vehicle is done, or give each vehicle its own radio"
+            )
             return LinkFinding(Verdict.INCONCLUSIVE, "other-association", message, hint)
         if self.endpoint.mac is not None and link.bssid != str(self.endpoint.mac).upper():
-            message = f"{link.bssid} sends as {self._target_text}, but the radio of {self.name} is {self.endpoint.mac}"
+            message = msg(
+                f"{arg(link.bssid)} sends as {arg(self._target_text)}, but the radio of {arg(self.name)} is "
+                f"{arg(self.endpoint.mac)}"
+            )
             hint = (
                 "correct `endpoints.wifi.mac` if its radio was replaced; otherwise find out what sends under this name"
             )
@@ -407,15 +425,23 @@ class AssociatedProbe:
 
     @property
     def _target_text(self) -> str:
-        return f"`{self.endpoint.ssid}` of {self.name}" if self.endpoint.ssid else f"the access point of {self.name}"
+        return msg(
+            f"`{arg(self.endpoint.ssid)}` of {arg(self.name)}"
+            if self.endpoint.ssid
+            else f"the access point of {arg(self.name)}"
+        )
 
     def _check_identity(self, link: WifiLink, station: Station | None) -> Iterator[LinkFinding]:
         dbm = _signal_level(link, station)
-        level = "" if dbm is None else f", signal {dbm:g} dBm"
+        level = msg("" if dbm is None else f", signal {arg(dbm):g} dBm")
         who = f"`{link.ssid}`" if link.ssid else str(link.bssid)
-        yield LinkFinding(Verdict.PASS, "associated", f"{self._radio} is associated with {who} of {self.name}{level}")
+        yield LinkFinding(
+            Verdict.PASS,
+            "associated",
+            msg(f"{arg(self._radio)} is associated with {arg(who)} of {arg(self.name)}{arg(level)}"),
+        )
         if (self.endpoint.ssid is None or link.ssid is None) and self.endpoint.mac is None:
-            message = f"cannot tell whether {who} is the access point of {self.name}"
+            message = msg(f"cannot tell whether {arg(who)} is the access point of {arg(self.name)}")
             yield LinkFinding(Verdict.WARN, "whose-unknown", message, "set its `ssid`, or the `mac` of its radio")
 
     def _check_radio(
@@ -433,21 +459,24 @@ class AssociatedProbe:
     def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge the ping; packets routed over another interface prove nothing about the radio."""
         if self.address is None:
-            message = f"no address of {self.name} is known: loss and round trip were not measured"
+            message = msg(f"no address of {arg(self.name)} is known: loss and round trip were not measured")
             hint = "reserve one in `site.lan.reservations`, or set `endpoints.wifi.address`"
             return base.ProbeResult((LinkFinding(Verdict.WARN, "no-address", message, hint),))
         way = ping.read_route(results.get("route"), self.address)
         card = ping.read_card(results.get("addr"))
         mine = {self.endpoint.interface, card.master if card else None}
         if way is not None and way.interface not in mine:
-            message = f"packets to {self.name} ({self.address}) leave by {way.interface} instead of {self._radio}"
-            hint = f"run it there: ip route get {self.address}; then correct the address or the route"
+            message = msg(
+                f"packets to {arg(self.name)} ({arg(self.address)}) leave by {arg(way.interface)} instead of "
+                f"{arg(self._radio)}"
+            )
+            hint = msg(f"run it there: ip route get {arg(self.address)}; then correct the address or the route")
             return base.ProbeResult(
                 (LinkFinding(Verdict.FAIL, "other-way", message, hint),), (base.read("way", way.interface),)
             )
         if way is None and not tuple(base.not_run(self.place, "ip", results.get("route"))):
-            message = f"{base.PLACES[self.place]} has no route to {self.name} ({self.address})"
-            hint = f"check there that {self.endpoint.interface} has an address: ip -br addr"
+            message = msg(f"{arg(base.PLACES[self.place])} has no route to {arg(self.name)} ({arg(self.address)})")
+            hint = msg(f"check there that {arg(self.endpoint.interface)} has an address: ip -br addr")
             return base.ProbeResult((LinkFinding(Verdict.FAIL, "no-route", message, hint),))
         target = ping.NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
         return ping.judge_ping(target, results.get("ping"))
@@ -456,17 +485,21 @@ class AssociatedProbe:
         at = self._radio
         sent_mbps, received_mbps = _rates(link, station)
         values = (
-            ("access point received by", f"{link.ssid or '?'} ({link.bssid})" if link.bssid else "none", ""),
+            (
+                "access point received by",
+                msg(f"{arg(link.ssid or '?')} ({arg(link.bssid)})" if link.bssid else "none"),
+                "",
+            ),
             ("channel of", link.frequency_mhz, "MHz"),
             ("signal at", _signal_level(link, station), "dBm"),
-            ("chains of", ", ".join(f"{item:g}" for item in station.chains_dbm) if station else None, "dBm"),
+            ("chains of", join(", ", (f"{item:g}" for item in station.chains_dbm)) if station else None, "dBm"),
             ("transmit rate of", sent_mbps, "Mbit/s"),
             ("receive rate of", received_mbps, "Mbit/s"),
         )
         result = tuple(
             base.read(f"{what} {at}", value, unit) for what, value, unit in values if value not in {None, ""}
         )
-        bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
+        bounds = msg(f"{arg(self.endpoint.low_dbm):g} to {arg(self.endpoint.high_dbm):g} dBm")
         return (*result, base.declared_evidence("expected signal", bounds))
 
 
@@ -526,7 +559,7 @@ class RegisteredProbe:
     def _check_registration(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         host = self.endpoint.seen_by
         if host is None:
-            message = f"no device in the inventory sees the association of {self.name}, nor its signal"
+            message = msg(f"no device in the inventory sees the association of {arg(self.name)}, nor its signal")
             hint = "only its ping was checked: set `endpoints.wifi.seen_by` to the access point's RouterOS device"
             return base.ProbeResult((LinkFinding(Verdict.WARN, "association-unseen", message, hint),))
         answers = {family: results.get(family) for family in wifi.Family}
@@ -534,7 +567,7 @@ class RegisteredProbe:
             return base.ProbeResult((base.no_answer_finding(host, answers[wifi.Family.WIRELESS]),))
         tables = {family: rows for family, answer in answers.items() if (rows := base.rows_of(answer)) is not None}
         if not tables:
-            message = f"{host} has no registration table in either of its radio menus"
+            message = msg(f"{arg(host)} has no registration table in either of its radio menus")
             hint = (
                 "check that `endpoints.wifi.seen_by` is the device with the access point; from RouterOS 7.13 it "
                 "needs a package"
@@ -544,14 +577,18 @@ class RegisteredProbe:
         return self._judge_registration(host, peers)
 
     def _judge_registration(self, host: str, peers: list[wifi.WifiPeer]) -> base.ProbeResult:
-        others = f"{len(peers)} other{'' if len(peers) == 1 else 's'}" if peers else "none"
+        others = msg(f"{arg(len(peers))} other{'' if len(peers) == 1 else 's'}" if peers else "none")
         if self.mac is None:
-            message = f"the inventory has no MAC address of {self.name}, which {host} needs to recognise it"
+            message = msg(
+                f"the inventory has no MAC address of {arg(self.name)}, which {arg(host)} needs to recognise it"
+            )
             hint = "set `endpoints.wifi.mac`, or reserve its address in `site.lan.reservations`"
             return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
         mine = next((peer for peer in peers if peer.mac == self.mac), None)
         if mine is None:
-            message = f"{self.name} ({self.mac}) is not registered at {host}; registered there: {others}"
+            message = msg(
+                f"{arg(self.name)} ({arg(self.mac)}) is not registered at {arg(host)}; registered there: {arg(others)}"
+            )
             hint = (
                 "check that it is on, with the SSID and key of the site; if its radio was replaced, correct its "
                 "MAC address"
@@ -563,17 +600,19 @@ class RegisteredProbe:
 
     def _findings(self, host: str, peer: wifi.WifiPeer) -> Iterator[LinkFinding]:
         if peer.is_authorised is False:
-            message = f"{self.name} is registered at {host}, but not authorised: the keys differ"
+            message = msg(f"{arg(self.name)} is registered at {arg(host)}, but not authorised: the keys differ")
             yield LinkFinding(Verdict.FAIL, "not-authorised", message, "compare the key of the vehicle with the site's")
         else:
-            level = "" if peer.signal_dbm is None else f", signal {peer.signal_dbm:g} dBm"
-            yield LinkFinding(Verdict.PASS, "registered", f"{self.name} is registered at {host}{level}")
+            level = msg("" if peer.signal_dbm is None else f", signal {arg(peer.signal_dbm):g} dBm")
+            yield LinkFinding(
+                Verdict.PASS, "registered", msg(f"{arg(self.name)} is registered at {arg(host)}{arg(level)}")
+            )
         yield from judge_level(self.endpoint, peer.signal_dbm, self.name, host)
         yield from judge_chains(peer.chains_dbm, self.name, host)
         yield from judge_rate(self.endpoint, peer.tx_rate_mbps, peer.rx_rate_mbps, self.name, host)
 
     def _evidence(self, host: str, peer: wifi.WifiPeer) -> tuple[report.Evidence, ...]:
-        chains = ", ".join("?" if item is None else f"{item:g}" for item in peer.chains_dbm)
+        chains = join(", ", ("?" if item is None else f"{item:g}" for item in peer.chains_dbm))
         values = (
             ("station registered at", peer.mac, ""),
             ("signal at", peer.signal_dbm, "dBm"),
@@ -584,12 +623,12 @@ class RegisteredProbe:
             ("time since registration, at", peer.uptime_s, "s"),
         )
         result = tuple(base.read(f"{what} {host}", value, unit) for what, value, unit in values if value is not None)
-        bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
+        bounds = msg(f"{arg(self.endpoint.low_dbm):g} to {arg(self.endpoint.high_dbm):g} dBm")
         return (*result, base.declared_evidence("expected signal", bounds))
 
     def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         if self.address is None:
-            message = f"no address of {self.name} is known: loss and round trip were not measured"
+            message = msg(f"no address of {arg(self.name)} is known: loss and round trip were not measured")
             hint = "reserve one in `site.lan.reservations`, or set `endpoints.wifi.address`"
             return base.ProbeResult((LinkFinding(Verdict.WARN, "no-address", message, hint),))
         way = ping.read_route(results.get("route"), self.address)
@@ -604,7 +643,9 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     bridges = link_steps(
         cell,
         model.Column.WIFI,
-        lambda link: f"Wi-Fi bridge {link.name} of {cell.name} carries traffic, with a good signal at both ends",
+        lambda link: msg(
+            f"Wi-Fi bridge {arg(link.name)} of {arg(cell.name)} carries traffic, with a good signal at both ends"
+        ),
     )
     endpoint = cell.wifi
     if endpoint is not None:
@@ -628,10 +669,12 @@ def _radio_step(cell: base.Cell, endpoint: model.WifiEndpoint, name: str) -> bas
 
 def _title(cell: base.Cell, endpoint: model.WifiEndpoint) -> str:
     if endpoint.role is model.WifiRole.ACCESS_POINT:
-        return f"Access point of {cell.name} has a good signal, and responds without loss"
+        return msg(f"Access point of {arg(cell.name)} has a good signal, and responds without loss")
     if endpoint.seen_by is None:
-        return f"{cell.name} responds over the Wi-Fi of the site without loss"
-    return f"{cell.name} is registered at {endpoint.seen_by}, has a good signal, and responds without loss"
+        return msg(f"{arg(cell.name)} responds over the Wi-Fi of the site without loss")
+    return msg(
+        f"{arg(cell.name)} is registered at {arg(endpoint.seen_by)}, has a good signal, and responds without loss"
+    )
 
 
 def _probe(cell: base.Cell, endpoint: model.WifiEndpoint) -> base.Probe:
@@ -644,9 +687,12 @@ def _probe(cell: base.Cell, endpoint: model.WifiEndpoint) -> base.Probe:
 def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
-        title=f"Wi-Fi of {cell.name} works",
+        title=msg(f"Wi-Fi of {arg(cell.name)} works"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=f"Connect a computer to the Wi-Fi of {cell.name} where the vehicles will be, and check its signal level.",
+        do=msg(
+            f"Connect a computer to the Wi-Fi of {arg(cell.name)} where the vehicles will be, and check its signal "
+            "level."
+        ),
         look_for="It connects, receives the access point at -35 to -75 dBm, and pings the gateway without loss.",
     )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report import _shapes, _words
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.runs.report import drift, signs
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def _checklist_suite(document: Document) -> ET.Element:
         drift.add(case, "error", "NOTHING", "nothing was checked: all items are skipped")
     drift.add_output(
         case,
-        f"run {document.run}",
+        msg(f"run {arg(document.run)}"),
         _words.closing(document, _words.english),
         _words.signature_line(document),
         *document.notes,
@@ -74,11 +75,11 @@ def _judge(case: ET.Element, item: Item) -> None:
 
 
 def _item_lines(item: Item) -> Iterator[str]:
-    yield f"{item.verdict}: {item.title}"
+    yield msg(f"{arg(item.verdict)}: {arg(item.title)}")
     yield item.message
     if item.override is not None:
-        yield f"OVERRIDDEN by {item.override.by}: {item.override.reason}"
-    yield from (f"{finding.verdict} {finding.code}: {finding.message}" for finding in item.findings)
+        yield msg(f"OVERRIDDEN by {arg(item.override.by)}: {arg(item.override.reason)}")
+    yield from (msg(f"{arg(finding.verdict)} {arg(finding.code)}: {arg(finding.message)}") for finding in item.findings)
     yield from map(_words.evidence_words, item.evidence)
 
 

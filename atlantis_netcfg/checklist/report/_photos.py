@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 from PIL import Image, ImageOps
 
+from atlantis_netcfg.core.messages import arg, msg
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -71,15 +73,17 @@ def find_attachments(document: Document, files: Mapping[str, bytes]) -> dict[tup
 def _build_attachment(name: str, evidence: Evidence, data: bytes | None, remaining_bytes: int) -> Attachment:
     digest = f"SHA-256 {evidence.sha256}" if evidence.sha256 is not None else "without a SHA-256"
     if data is None:
-        return Attachment(name, f"{digest}; the file is not in the folder of this document", None, amiss=True)
+        return Attachment(name, msg(f"{arg(digest)}; the file is not in the folder of this document"), None, amiss=True)
     actual_digest = hashlib.sha256(data).hexdigest()
     if evidence.sha256 is not None and evidence.sha256 != actual_digest:
-        return Attachment(name, f"{digest}; the file there is DIFFERENT, with {actual_digest}", None, amiss=True)
+        return Attachment(
+            name, msg(f"{arg(digest)}; the file there is DIFFERENT, with {arg(actual_digest)}"), None, amiss=True
+        )
     photo = _photo(data)
     if photo is not None and len(photo.data) > remaining_bytes:
-        return Attachment(name, f"{digest}; not shown, too many pictures", None)
+        return Attachment(name, msg(f"{arg(digest)}; not shown, too many pictures"), None)
     smaller = "; shown reduced" if photo is not None and photo.is_reduced else ""
-    return Attachment(name, f"{digest}; {len(data)} bytes{smaller}", photo)
+    return Attachment(name, msg(f"{arg(digest)}; {arg(len(data))} bytes{arg(smaller)}"), photo)
 
 
 def _photo(data: bytes) -> Photo | None:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from atlantis_netcfg.checklist.report import _shapes
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.runs.report import signs
 from atlantis_netcfg.runs.report.drift import clean
 
@@ -321,11 +322,11 @@ def drawing_svg(document: Document, *, wide: bool = False) -> str:
             "viewBox": f"0 0 {shapes.width:g} {shapes.height:g}",
             "role": "img",
             "aria-labelledby": f"{name}-title {name}-words",
-            "class": f"drawing {name}",
+            "class": msg(f"drawing {arg(name)}"),
             "font-family": "system-ui, 'DejaVu Sans', sans-serif",
         },
     )
-    ET.SubElement(root, "title", id=f"{name}-title").text = clean(translate(f"Drawing of {document.title}"))
+    ET.SubElement(root, "title", id=f"{name}-title").text = clean(translate(f"Drawing of {arg(document.title)}"))
     ET.SubElement(root, "desc", id=f"{name}-words").text = clean("\n".join(describe_drawing(document)))
     for wire in shapes.wires:
         _wire(root, wire)
@@ -348,8 +349,10 @@ def describe_drawing(document: Document) -> list[str]:
         )
     for link, shown_state in links:
         label = translate(link.label) if link.label.strip() else ""
-        ends = f"{labels.get(link.a, link.a)}, {labels.get(link.b, link.b)}"
-        result.append(f"{ends}: {label}{_with_comma(str(shown_state) if shown_state is not None else '')}.")
+        ends = msg(f"{arg(labels.get(link.a, link.a))}, {arg(labels.get(link.b, link.b))}")
+        result.append(
+            msg(f"{arg(ends)}: {arg(label)}{arg(_with_comma(str(shown_state) if shown_state is not None else ''))}.")
+        )
     return result or [translate("The inventory has nothing here.")]
 
 

@@ -17,6 +17,7 @@ from atlantis_netcfg.checklist.report.document import (
     SinceGreen,
 )
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.printable import split_code
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.inventory.model import Phase
@@ -99,29 +100,29 @@ def of_integration(document: Document) -> bool:
 def heading(document: Document) -> str:
     """Return the heading of the page."""
     if of_integration(document):
-        return f"Integration record: {', '.join(row.name for row in document.rows)}, {document.title}"
-    return f"Pre-test checklist: {document.title}"
+        return msg(f"Integration record: {arg(join(', ', (row.name for row in document.rows)))}, {arg(document.title)}")
+    return msg(f"Pre-test checklist: {arg(document.title)}")
 
 
 def subtitle(document: Document) -> str:
     """Return the subtitle: site, time, mission and scope."""
     at = time_text(document.started, document.time_zone)
     if document.mission and not document.scope:
-        return f"Site `{document.site}`, {at}, mission `{document.mission}`"
+        return msg(f"Site `{arg(document.site)}`, {arg(at)}, mission `{arg(document.mission)}`")
     if not document.scope:
-        return f"Site `{document.site}`, {at}"
+        return msg(f"Site `{arg(document.site)}`, {arg(at)}")
     scope = " ".join(f"{name}={','.join(values)}" for name, values in document.scope.items())
-    return f"Site `{document.site}`, {at}, only `{scope}`"
+    return msg(f"Site `{arg(document.site)}`, {arg(at)}, only `{arg(scope)}`")
 
 
 def also(row: Row) -> str:
     """Format the other names of a vehicle."""
-    return f"also {', '.join(row.aliases)}"
+    return msg(f"also {arg(join(', ', row.aliases))}")
 
 
 def differs(row: Row) -> str:
     """Format why a row differs from the report's table."""
-    return f"{row.name} differs from the report: {row.deviation}"
+    return msg(f"{arg(row.name)} differs from the report: {arg(row.deviation)}")
 
 
 def item_title(item: Item) -> str:
@@ -131,29 +132,31 @@ def item_title(item: Item) -> str:
 
 def was(item: Item) -> str:
     """Format the verdict that a person has overridden."""
-    return f"It was {item.verdict}."
+    return msg(f"It was {arg(item.verdict)}.")
 
 
 def photo(name: str) -> str:
     """Return the alternative text of a photo."""
-    return f"Photo {name}"
+    return msg(f"Photo {arg(name)}")
 
 
 def overridden_by(override: Override, zone: str) -> str:
     """Format who has overridden an item, and when."""
-    return f"Overridden by {override.by}, {time_text(override.at, zone)}:"
+    return msg(f"Overridden by {arg(override.by)}, {arg(time_text(override.at, zone))}:")
 
 
 def was_green(green: SinceGreen, zone: str) -> str:
     """Format the run with which the checklist is compared."""
-    return f"Run `{green.run}` of {time_text(green.at, zone)} was green."
+    return msg(f"Run `{arg(green.run)}` of {arg(time_text(green.at, zone))} was green.")
 
 
 def name_of_page(document: Document) -> str:
     """Return the title for browsers and PDF readers."""
     if of_integration(document):
-        return f"Integration record of {', '.join(row.name for row in document.rows)}, run {document.run}"
-    return f"Checklist of {document.title}, run {document.run}"
+        return msg(
+            f"Integration record of {arg(join(', ', (row.name for row in document.rows)))}, run {arg(document.run)}"
+        )
+    return msg(f"Checklist of {arg(document.title)}, run {arg(document.run)}")
 
 
 def strip_code(text: str) -> str:

@@ -13,6 +13,7 @@ from atlantis_netcfg.checklist.report import _shapes, _texts
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report import signs
 from atlantis_netcfg.runs.report.summary import count_limits
@@ -114,9 +115,10 @@ Say = Callable[[str], str]
 
 def closing(document: Document, say: Say) -> str:
     """Format the exit status and the counts."""
-    words = ", ".join(f"{number} {item}" for item, number in counts(document.items).items())
-    return (
-        f"{say(headline(document)[1])} ({say(f'exit {int(document.exit)}')}): {words or say(_texts.PageText.NO_ITEMS)}"
+    words = join(", ", (f"{number} {item}" for item, number in counts(document.items).items()))
+    return msg(
+        f"{arg(say(headline(document)[1]))} ({arg(say(msg(f'exit {arg(int(document.exit))}')))}): "
+        f"{arg(words or say(_texts.PageText.NO_ITEMS))}"
     )
 
 
@@ -124,7 +126,10 @@ def signature_line(document: Document) -> str:
     """Format who signed the document."""
     if document.signed is None:
         return "NOT SIGNED: nobody vouches for it"
-    return f"Signed by {printable.visible(document.signed.by)}, {time_text(document.signed.at, document.time_zone)}"
+    return msg(
+        f"Signed by {arg(printable.visible(document.signed.by))}, "
+        f"{arg(time_text(document.signed.at, document.time_zone))}"
+    )
 
 
 def evidence_type(evidence: Evidence, say: Say, zone: str) -> str:
@@ -148,9 +153,12 @@ def evidence_groups(item: Item, say: Say, zone: str) -> list[tuple[str, list[Evi
 
 def evidence_words(evidence: Evidence) -> str:
     """Format one line of evidence, in English."""
-    file_note = f"; saved as {evidence.file}" if evidence.file is not None else ""
+    file_note = msg(f"; saved as {arg(evidence.file)}" if evidence.file is not None else "")
     digest = f", SHA-256 {evidence.sha256}" if evidence.sha256 is not None else ""
-    return f"{evidence.what}: {evidence.value} ({evidence_type(evidence, english, '')}){file_note}{digest}"
+    return msg(
+        f"{arg(evidence.what)}: {arg(evidence.value)} "
+        f"({arg(evidence_type(evidence, english, ''))}){arg(file_note)}{arg(digest)}"
+    )
 
 
 def circumstances(item: Item, say: Say, zone: str) -> str:
@@ -162,7 +170,7 @@ def circumstances(item: Item, say: Say, zone: str) -> str:
         words.append(f"{item.seconds:.1f} s")
     if not item.table3:
         words.append(say(_texts.PageText.BESIDE_TABLE))
-    return ", ".join(words)
+    return join(", ", words)
 
 
 _WIDTH = 80
@@ -195,10 +203,12 @@ def lines(document: Document) -> str:
 
 def body(document: Document) -> Iterator[str]:
     """Yield all lines except the last ones."""
-    yield from _wrap_words("", translate(f"Checklist of {document.site} ({document.title}), run {document.run}"))
+    yield from _wrap_words(
+        "", translate(f"Checklist of {arg(document.site)} ({arg(document.title)}), run {arg(document.run)}")
+    )
     if document.rehearsed:
         yield from _wrap_words("", translate("REHEARSAL on emulated devices: nothing real was checked"))
-        yield from _wrap_all(f"injected fault: {item}" for item in document.broken)
+        yield from _wrap_all(msg(f"injected fault: {arg(item)}") for item in document.broken)
     yield ""
     yield from _grid(document)
     for item in by_state(document.items):
@@ -216,8 +226,8 @@ def body(document: Document) -> Iterator[str]:
 def seal(document: Document) -> Iterator[str]:
     """Yield the lines that identify the signature."""
     if document.signed is not None:
-        yield from _wrap_words("", translate(f"digest {document.signed.digest}"))
-        yield from _wrap_words("", translate(f"key {document.signed.key}"))
+        yield from _wrap_words("", translate(f"digest {arg(document.signed.digest)}"))
+        yield from _wrap_words("", translate(f"key {arg(document.signed.key)}"))
 
 
 def ending(document: Document, room: int = 8, *, with_signature: bool = True) -> list[printable.Row]:
@@ -256,8 +266,8 @@ def _verdict_rows(document: Document) -> Iterator[printable.Row]:
 def _counts_rows(document: Document) -> Iterator[printable.Row]:
     """Yield the counts, the exit code, and whether it was a rehearsal."""
     count_texts = [(shown_state, f"{number} {shown_state}") for shown_state, number in counts(document.items).items()]
-    words = ", ".join(text for _, text in count_texts) or translate(_texts.PageText.NO_ITEMS)
-    rest = f"; {translate(f'exit {int(document.exit)}')}"
+    words = join(", ", (text for _, text in count_texts)) or translate(_texts.PageText.NO_ITEMS)
+    rest = f"; {translate(f'exit {arg(int(document.exit))}')}"
     if document.rehearsed:
         rest += f"; {translate('rehearsed')}"
     if not count_texts or len(words + rest) > _WIDTH:
@@ -313,7 +323,7 @@ def _below(table: _shapes.Grid, column: str) -> Iterator[str]:
         head = translate(title(column))
         yield from (
             f"{'' if number else head:<{_NAME}}{line}"
-            for number, line in enumerate(wrap(", ".join(marks), _WIDTH - _NAME))
+            for number, line in enumerate(wrap(join(", ", marks), _WIDTH - _NAME))
         )
 
 
@@ -341,7 +351,7 @@ def _legend(document: Document) -> Iterator[str]:
         result.append(translate("( ) not part of Table 3"))
     result += [translate(text) for item, text in _WORDS.items() if any(cell.state is item for cell in cells)]
     if result:
-        yield from _wrap_words("", ", ".join(result))
+        yield from _wrap_words("", join(", ", result))
     for row in document.rows:
         if row.deviation is not None:
             yield from _wrap_words("", translate(_texts.differs(row)))
@@ -349,13 +359,17 @@ def _legend(document: Document) -> Iterator[str]:
 
 def _item(item: Item, zone: str) -> Iterator[str]:
     shown_state = _shapes.state(item)
-    yield from _wrap_words(f"{_shapes.ASCII[shown_state]} {shown_state}", f"{item.id}: {_texts.item_title(item)}")
+    yield from _wrap_words(
+        f"{_shapes.ASCII[shown_state]} {shown_state}", msg(f"{arg(item.id)}: {arg(_texts.item_title(item))}")
+    )
     yield from _wrap_words("", translate(item.message), indent=_MARGIN)
     if item.hint:
         yield from _wrap_words("", f"-> {translate(item.hint)}", indent=_MARGIN)
     if item.override is not None:
         at = time_text(item.override.at, zone)
-        words = f"{item.verdict}, overridden by {item.override.by}, {at}: {item.override.reason}"
+        words = msg(
+            f"{arg(item.verdict)}, overridden by {arg(item.override.by)}, {arg(at)}: {arg(item.override.reason)}"
+        )
         yield from _wrap_words("", translate(words), indent=_MARGIN)
 
 
@@ -368,20 +382,20 @@ def _brief(document: Document) -> Iterator[str]:
                 yield from _wrap_words(f"{_shapes.ASCII[entry]} {entry}", words)
     passed_ids = [item.id for item in document.items if _shapes.state(item) is signs.ShownState.PASS]
     if passed_ids:
-        yield from _wrap_words(f"{_shapes.ASCII[signs.ShownState.PASS]} PASS", ", ".join(passed_ids))
+        yield from _wrap_words(f"{_shapes.ASCII[signs.ShownState.PASS]} PASS", join(", ", passed_ids))
 
 
 def _note_lines(document: Document) -> Iterator[str]:
     reasons = dict.fromkeys(entry.why for entry in document.left_out)
     for why in reasons:
-        what = ", ".join(translate(item.what) for item in document.left_out if item.why == why)
+        what = join(", ", (translate(item.what) for item in document.left_out if item.why == why))
         yield from _wrap_words("", f"{translate('not checked')}: {what} ({translate(why)})")
     for note in document.notes:
         yield from _wrap_words("", f"{translate('note')}: {translate(note)}")
     if document.since_green is not None:
         green = document.since_green
         at = time_text(green.at, document.time_zone)
-        yield from _wrap_all([f"changes since run {green.run} of {at}, which was green:"])
+        yield from _wrap_all([msg(f"changes since run {arg(green.run)} of {arg(at)}, which was green:")])
         for change in green.changes:
             yield from _wrap_words("", change_line(change, translate), indent=2)
         if not green.changes:
@@ -393,7 +407,7 @@ def _note_lines(document: Document) -> Iterator[str]:
 def change_line(change: ItemChange, say: Say) -> str:
     """Format a change since the last green checklist."""
     before, after = (str(word) if word is not None else say("none") for word in (change.before, change.after))
-    return f"{change.id}: {before} -> {after}: {say(change.message)}"
+    return msg(f"{arg(change.id)}: {arg(before)} -> {arg(after)}: {arg(say(change.message))}")
 
 
 def _wrap_all(every: Iterable[str]) -> Iterator[str]:

@@ -10,6 +10,7 @@ from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # i
 from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.processes.remote_process import Carrier, ProcessResult
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.operations.common.session_link import FAST_S, site_link_of
@@ -86,7 +87,7 @@ class GatewayAccess:
             raise self._not_reached(str(getattr(error.args[0], "stderr", error)).strip(), backend.ended) from None
         except OSError as error:
             raise GatewayUnreachable(
-                f"{self.name} is unreachable: {error}", hint="install the OpenSSH client"
+                f"{arg(self.name)} is unreachable: {arg(error)}", hint="install the OpenSSH client"
             ) from None
         assert backend.ended is not None  # noqa: S101 - it has just run
         return backend.ended
@@ -94,12 +95,12 @@ class GatewayAccess:
     def _not_reached(self, text: str, result: ProcessResult | None) -> GatewayUnreachable:
         hint = "check its power and its cable, then run the same command again"
         if "Permission denied" in text:
-            hint = f"install your key there: `ssh-copy-id {self.login}`"
+            hint = msg(f"install your key there: `ssh-copy-id {arg(self.login)}`")
         elif (trouble := key_trouble(self.name, text)) is not None:
             text, hint = trouble
         silent = "no response in time" if result is not None and result.overdue else "ssh said nothing"
         return GatewayUnreachable(
-            f"{self.name} is unreachable: {(text.splitlines()[-1] if text else silent)}", hint=hint
+            f"{arg(self.name)} is unreachable: {(arg(text.splitlines()[-1] if text else silent))}", hint=hint
         )
 
 
@@ -115,7 +116,7 @@ def way_in(inventory: Inventory, host: Host, request: Request, ssh_config: str |
     except UsageError as error:
         raise GatewayUnreachable(str(error), hint=error.hint) from None
     if request.rehearsed and host.name not in request.targets:
-        raise GatewayUnreachable(f"{host.name} is not emulated in this rehearsal")
+        raise GatewayUnreachable(f"{arg(host.name)} is not emulated in this rehearsal")
     # ssh takes the first value of an option: what the access says comes after ours.
     options = [*(f"-o {option}" for option in _OPTIONS), access["ssh_args"]]
     return GatewayAccess(

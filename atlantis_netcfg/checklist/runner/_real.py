@@ -21,6 +21,7 @@ from atlantis_netcfg.checklist.runner.cost import refuse_unpaid, within_budget
 from atlantis_netcfg.checklist.runner.robots import ask_robots
 from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.processes.remote_process import Carrier
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.common.costs import require_consent, unpaid
@@ -105,8 +106,10 @@ def _diagnose_local_agent(carrier: Carrier, before: Sequence[str]) -> str:
     try:
         result = carrier.run([*before, sys.executable, "-I", "-c", agent.BOOT])
     except OSError as error:
-        return f"the listener program did not start on this computer: {error}"
-    return f"the listener program exited on this computer: {last_line(result.err) or f'exit {result.rc}'}"
+        return msg(f"the listener program did not start on this computer: {arg(error)}")
+    return msg(
+        f"the listener program exited on this computer: {arg(last_line(result.err) or msg(f'exit {arg(result.rc)}'))}"
+    )
 
 
 def last_line(data: bytes) -> str:
@@ -145,13 +148,17 @@ def _diagnose_gateway_agent(way: _gateway_access.GatewayAccess, carrier: Carrier
     except _gateway_access.GatewayUnreachable as why:
         return results.in_words(why)
     if result.overdue:
-        return f"{way.name} did not respond in time"
+        return msg(f"{arg(way.name)} did not respond in time")
     if result.rc == _NO_SUCH:
-        return f"{way.name} has no python3; there: `apt-get install python3`"
+        return msg(f"{arg(way.name)} has no python3; there: `apt-get install python3`")
     if way.sudo and b"sudo" in result.err:
         rule = "`echo '%sudo ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`"
-        return f"the login user on {way.name} cannot become root without a password; there, as root: {rule}"
-    return f"the listener program exited on {way.name}: {last_line(result.err) or f'exit {result.rc}'}"
+        return msg(
+            f"the login user on {arg(way.name)} cannot become root without a password; there, as root: {arg(rule)}"
+        )
+    return msg(
+        f"the listener program exited on {arg(way.name)}: {arg(last_line(result.err) or msg(f'exit {arg(result.rc)}'))}"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +178,7 @@ class Routers:
             self.notify(events.Event(name, events.Stage.FAILED, str(error)))
             return results.all_unanswered(questions, results.in_words(error))
         except KeyError:
-            return results.all_unanswered(questions, f"the inventory has no host `{name}`")
+            return results.all_unanswered(questions, msg(f"the inventory has no host `{arg(name)}`"))
 
     async def links(self, questions: results.Questions, result: results.OnAnswer) -> Mapping[str, probes.Answer]:
         """Read all links once for all items, and run allow-list tests at the same time."""
@@ -206,7 +213,7 @@ class Routers:
                 [command(request.query) for _, request in questions if isinstance(request, probes.RouterOsQuery)]
             )
         now = time.time()
-        cost_text = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
+        cost_text = msg(f"read in {arg(door.round_trips)} round trips, {arg(door.bytes / 1000):.1f} kB")
         self.notify(events.Event(host.name, events.Stage.DONE, cost_text))
         return {key: _rows(reply, request_time, now) for (key, _), reply in zip(questions, replies, strict=True)}
 
@@ -262,7 +269,9 @@ def _rows(reply: Reply, request_time: float, now: float) -> probes.Rows:
 
 def _link_status(values: Mapping[str, Mapping[str, object]], question: probes.LinkStatusRequest) -> probes.Answer:
     if question.link not in values:
-        return results.trouble_answer(question, f"the site has no link `{question.link}`", probes.Trouble.MISSING)
+        return results.trouble_answer(
+            question, msg(f"the site has no link `{arg(question.link)}`"), probes.Trouble.MISSING
+        )
     return probes.LinkStatusResult(None, "", values[question.link])
 
 
@@ -301,7 +310,7 @@ class RealTransport:
     ) -> Mapping[str, probes.Answer]:
         """Run all requests of one place in one turn; see `Ears.ask`."""
         name = self._name(place, host)
-        self.notify(events.Event(name, events.Stage.CONNECTING, f"{len(questions)} read-only requests"))
+        self.notify(events.Event(name, events.Stage.CONNECTING, msg(f"{arg(len(questions))} read-only requests")))
         try:
             answers = await self._ask(place, host, questions, result)
         except NetcfgError as why:
@@ -310,7 +319,11 @@ class RealTransport:
         if place is not probes.Place.ROUTER:  # whose sessions tell by themselves
             silent = sum(answer.trouble is probes.Trouble.NO_PLACE for answer in answers.values())
             stage = events.Stage.FAILED if silent else events.Stage.DONE
-            self.notify(events.Event(name, stage, f"{len(answers) - silent} of {len(answers)} requests were sent"))
+            self.notify(
+                events.Event(
+                    name, stage, msg(f"{arg(len(answers) - silent)} of {arg(len(answers))} requests were sent")
+                )
+            )
         return answers
 
     async def _ask(
@@ -321,7 +334,7 @@ class RealTransport:
         if place is probes.Place.GATEWAY:
             gateway = self.inventory.computer_of(self.site)
             if gateway is None:
-                return results.all_unanswered(questions, f"{self.site} has no gateway computer")
+                return results.all_unanswered(questions, msg(f"{arg(self.site)} has no gateway computer"))
             return await ask_gateway(self.inventory, gateway, self.request, questions, result, self.ssh_config)
         refuse_examples(self.inventory, is_rehearsal=self.request.rehearsed)
         routers = Routers(self.inventory, self.site, self.request, self.notify)
@@ -347,8 +360,8 @@ class RealTransport:
     def _name(self, place: probes.Place, host: str | None) -> str:
         names = {
             probes.Place.LAPTOP: "this computer",
-            probes.Place.GATEWAY: f"{self.site}: gateway",
-            probes.Place.ROUTER: f"{self.site}: links",
+            probes.Place.GATEWAY: msg(f"{arg(self.site)}: gateway"),
+            probes.Place.ROUTER: msg(f"{arg(self.site)}: links"),
         }
         return host or names[place]
 

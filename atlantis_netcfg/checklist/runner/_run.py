@@ -16,6 +16,7 @@ from atlantis_netcfg.checklist.probes.registry import find_refusal
 from atlantis_netcfg.checklist.runner.results import trouble_answer
 from atlantis_netcfg.core.crash_report import InternalError, report_crash
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ServerComputer
@@ -42,15 +43,15 @@ def unfit(entry: PlanEntry, questions: Sequence[probes.Question]) -> str | None:
     names = [question.name for question in questions]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        return f"two requests have the name `{twice}`"
+        return msg(f"two requests have the name `{arg(twice)}`")
     return next((reason for request in questions if (reason := _refusal_reason(entry, request)) is not None), None)
 
 
 def _refusal_reason(entry: PlanEntry, question: probes.Question) -> str | None:
     if isinstance(question, probes.RunProgram) and not is_allowed(question.argv):
-        return f"`{' '.join(question.argv)}` is not on the list of read-only programs"
+        return msg(f"`{arg(' '.join(question.argv))}` is not on the list of read-only programs")
     if isinstance(question, probes.RouterOsQuery) and not _is_reading_query(question.query):
-        return f"`{question.query.path}` is not a read-only command"
+        return msg(f"`{arg(question.query.path)}` is not a read-only command")
     if isinstance(question, probes.Listen):
         return _elsewhere(entry.cell, question) or find_refusal(
             question, active=entry.item.kind is report.ItemKind.ACTIVE
@@ -75,13 +76,15 @@ def _is_reading_query(query: Query) -> bool:
 def _elsewhere(cell: probes.Cell, listen: probes.Listen) -> str | None:
     """Return a refusal if a port or device to listen to is not in the inventory."""
     if listen.transport == "tcp" and listen.address not in {str(address) for address in _known_addresses(cell)}:
-        return f"the address {listen.address or 'that it requests'} is not in the inventory of {cell.site}"
+        return msg(
+            f"the address {arg(listen.address or 'that it requests')} is not in the inventory of {arg(cell.site)}"
+        )
     if listen.transport == "serial" and listen.device not in {
         str(of_endpoint) for of_endpoint in _of_endpoints(cell, "device")
     }:
-        return f"the serial port {listen.device} is not in the inventory"
+        return msg(f"the serial port {arg(listen.device)} is not in the inventory")
     if listen.transport == "udp" and listen.port not in set(_of_endpoints(cell, "port")):
-        return f"the UDP port {listen.port} is not in the inventory"
+        return msg(f"the UDP port {arg(listen.port)} is not in the inventory")
     return None
 
 
@@ -89,7 +92,7 @@ def _foreign(cell: probes.Cell, question: probes.DdsDiscoverRequest) -> str | No
     """Return a refusal unless participants are sought at the computer's own address, in the inventory's domain."""
     local = cell.gateway.device if cell.gateway is not None else None
     if question.address not in {str(getattr(local, name, None)) for name in ("address", "vpn_address")}:
-        return f"the address {question.address} is not that of the gateway computer of {cell.site}"
+        return msg(f"the address {arg(question.address)} is not that of the gateway computer of {arg(cell.site)}")
     dds = cell.inventory.pilot.dds
     return None if dds is not None and dds.domain == question.domain else "it is not the DDS domain of the inventory"
 
@@ -101,7 +104,7 @@ def _not_ours(cell: probes.Cell, question: probes.ReflectRequest) -> str | None:
     computers = [host.device for host in cell.inventory.hosts.values() if isinstance(host.device, ServerComputer)]
     if question.address in {str(computer.vpn_address) for computer in computers} and question.port == REFLECTOR_PORT:
         return None
-    return f"{question.address}, UDP port {question.port}, is not a gateway or control centre in the VPN"
+    return msg(f"{arg(question.address)}, UDP port {arg(question.port)}, is not a gateway or control centre in the VPN")
 
 
 def _known_addresses(cell: probes.Cell) -> Iterator[object]:
@@ -247,7 +250,7 @@ class _Turn:
                 )
         except Exception as fault:  # noqa: BLE001 - the other places go on
             if limit.expired():
-                late = f"no response within {LIMIT_S:g} s"
+                late = msg(f"no response within {arg(LIMIT_S):g} s")
                 self._deliver_answers(batch, {key: trouble_answer(question, late) for key, question in questions})
             for item, _ in (waiter for waiters in batch.wait.values() for waiter in waiters):
                 self._fail(item, fault)
@@ -262,7 +265,7 @@ class _Turn:
                 raise item.fault  # noqa: TRY301 - it is told as any fault is
             if item.unfit is not None:
                 return self._error_item(
-                    item, "not-allowed", f"this probe requests what is not allowed: {item.unfit}", _OURS
+                    item, "not-allowed", msg(f"this probe requests what is not allowed: {arg(item.unfit)}"), _OURS
                 )
             assert item.entry.step.probe is not None  # noqa: S101 - `examine` has looked
             result = item.entry.step.probe.judge(item.answers)
@@ -276,7 +279,7 @@ class _Turn:
     def _record_crash(self, fault: BaseException, name: str) -> InternalError:
         """Write one log file per fault, however many items it affects."""
         if fault not in self.faults:
-            self.faults[fault] = report_crash(fault, f"checking {name}", self.state)
+            self.faults[fault] = report_crash(fault, msg(f"checking {arg(name)}"), self.state)
         return self.faults[fault]
 
     def _deliver_answers(self, batch: _PlaceBatch, answers: Mapping[str, probes.Answer]) -> None:

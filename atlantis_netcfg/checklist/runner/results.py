@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import probes
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import NetcfgError
@@ -41,7 +42,7 @@ def trouble_answer(
 
 def in_words(why: NetcfgError) -> str:
     """Format an error and its hint."""
-    return f"{why}; {why.hint}" if why.hint else str(why)
+    return msg(f"{arg(why)}; {arg(why.hint)}") if why.hint else str(why)
 
 
 def all_unanswered(questions: Questions, words: str) -> dict[str, probes.Answer]:

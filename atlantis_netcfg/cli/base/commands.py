@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -145,7 +146,9 @@ def _default(command_line: Sequence[str], table: Mapping[str, str]) -> tuple[str
         if name in table and name != DEFAULT:
             others = (argument for argument in command_line if argument not in name.split())
             hint = shlex.join(["provision", *name.split(), *others])
-            raise errors.UsageError(f"`{name}` is a command: put it before its arguments", hint=f"type `{hint}`")
+            raise errors.UsageError(
+                f"`{arg(name)}` is a command: put it before its arguments", hint=f"type `{arg(hint)}`"
+            )
     return DEFAULT, list(command_line)
 
 
@@ -155,19 +158,22 @@ def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: 
         rest = [argument for argument in command_line if argument != words[0]]
         lines = [shlex.join(["provision", *name.split(), *rest]) for name in names]
         return errors.UsageError(
-            f"unknown command `{words[0]}`", hint=f"type {' or '.join(f'`{line}`' for line in lines)}"
+            f"unknown command `{arg(words[0])}`", hint=f"type {arg(' or '.join(f'`{line}`' for line in lines))}"
         )
     longer = [name for name in table if name.startswith(f"{words[0]} ")]
     near = errors.nearest(" ".join(words[:2]), longer) or errors.nearest(words[0], table)
     if near is None and (second := errors.nearest(words[0], [name.split()[-1] for name in table])):
         near = _possible_names(second, table)[0]
     if longer and (near not in longer or len(words) == 1):
-        hint = f"`{words[0]}` must be followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
+        hint = msg(
+            f"`{arg(words[0])}` must be followed by: "
+            f"{arg(join(', ', (name.removeprefix(words[0] + ' ') for name in longer)))}"
+        )
     elif (line := _meant_line(command_line, places[0], near, table)) is not None:
-        hint = f"did you mean `{line}`?"
+        hint = msg(f"did you mean `{arg(line)}`?")
     else:
         hint = "`provision --help` lists the commands; give a site as `site=NAME`"
-    return errors.UsageError(f"unknown command `{' '.join(words[:2] if longer else words[:1])}`", hint=hint)
+    return errors.UsageError(f"unknown command `{arg(' '.join(words[:2] if longer else words[:1]))}`", hint=hint)
 
 
 def _possible_names(word: str, table: Mapping[str, str]) -> list[str]:

@@ -20,6 +20,7 @@ from atlantis_netcfg.cli.base.output import signal_of
 from atlantis_netcfg.core import language, printable
 from atlantis_netcfg.core.errors import DeviceError, UsageError
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.operations.common.costs import unpaid
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def read_line(question: str) -> str | None:
     except EOFError:
         return None
     except KeyboardInterrupt as stop:
-        raise ConsentRefusal(f"interrupted by {signal_of(stop)} at the prompt; nothing was changed") from stop
+        raise ConsentRefusal(f"interrupted by {arg(signal_of(stop))} at the prompt; nothing was changed") from stop
 
 
 def yes_or_no(question: str, read: Callable[[str], str | None] = read_line, say: Callable[[str], None] = print) -> bool:
@@ -91,8 +92,8 @@ def whole_word(
 ) -> bool:
     """Ask about something with consequences: only the whole word agrees, as the prompt says."""
     display_word = shown_word(word)
-    how = translate(f"Type {display_word} (the whole word) to continue, or {shown_word(NO)}:")
-    again = translate(f"  type the whole word {display_word}, or {shown_word(NO)}")
+    how = translate(f"Type {arg(display_word)} (the whole word) to continue, or {arg(shown_word(NO))}:")
+    again = translate(f"  type the whole word {arg(display_word)}, or {arg(shown_word(NO))}")
     shown_question = translate(question)
     gap = " " if len(f"{shown_question} {how}") <= _ROOM else "\n  "
     return _decide(f"{shown_question}{gap}{how} ", taken_words(word), again, read, say)
@@ -140,7 +141,7 @@ def pay(words: Sequence[str], *, is_accepted: bool, as_json: bool) -> None:
 
 def _show_costs(words: Sequence[str]) -> None:
     for each in words:
-        print(translate(f"Traffic: {each}"), flush=True)
+        print(translate(f"Traffic: {arg(each)}"), flush=True)
 
 
 def confirm_cost(words: Sequence[str], *, ask: bool) -> None:
@@ -156,7 +157,7 @@ def confirm_removal(words: Sequence[str], *, ask: bool) -> None:
     """Ask for consent to remove rows. Raises ConsentRefusal, or UsageError without a terminal."""
     if not ask or not sys.stdin.isatty():
         raise UsageError(
-            f"no terminal to confirm this; nothing was changed: {'; '.join(words)}",
+            f"no terminal to confirm this; nothing was changed: {arg(join('; ', words))}",
             hint="review them with `--plan`, then run the same command with `--yes --remove-foreign`",
         )
     for each in words:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, TextIO
 from atlantis_netcfg.core import events, printable
 from atlantis_netcfg.core.errors import REHEARSE, DeviceError, ExitCode, NetcfgError, fill_hint
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.printable import Style, StyledText
 
 if TYPE_CHECKING:
@@ -84,7 +85,10 @@ def as_typed(hint: str, command_line: Sequence[str]) -> str:
             more += " --rehearse"
         return match[0].replace(match["command"], f"{match['command']}{more}")
 
-    return _COMMAND_HINT.sub(complete_command, hint)
+    for match in _COMMAND_HINT.finditer(hint):
+        end = match.string[match.end() : match.end() + 1]  # the backquote: the beginning of a longer command stays
+        hint = hint.replace(f"{match[0]}{end}", f"{complete_command(match)}{end}")
+    return hint
 
 
 def carried_words(arguments: Arguments) -> list[str]:
@@ -99,12 +103,12 @@ class CommandInterrupt(DeviceError):
     """The user stopped the command while no request was pending: earlier verified results stay valid."""
 
     def __init__(self, stop: KeyboardInterrupt, changed_devices: Sequence[str]) -> None:
-        summary = (
-            f"verified changes on {', '.join(dict.fromkeys(changed_devices))} remain"
+        summary = msg(
+            f"verified changes on {arg(join(', ', dict.fromkeys(changed_devices)))} remain"
             if changed_devices
             else "nothing was changed"
         )
-        super().__init__(f"interrupted by {signal_of(stop)}; {summary}")
+        super().__init__(msg(f"interrupted by {arg(signal_of(stop))}; {arg(summary)}"))
 
 
 def signal_of(stop: KeyboardInterrupt) -> str:
@@ -119,13 +123,13 @@ def report_interrupt(
     """Report that Ctrl-C stopped the command, and whether a device may have been changed."""
     how = signal_of(stop)
     if command is not None and command.changes and not _is_harmless(command, command_line):
-        message = f"interrupted by {how}; the state of the devices is unknown"
+        message = msg(f"interrupted by {arg(how)}; the state of the devices is unknown")
         hint = (
             command.again or "`provision report runs` shows what was confirmed, and how to continue an unfinished run"
         )
         _print_errors([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
         return ExitCode.UNKNOWN
-    _print_errors([(f"interrupted by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
+    _print_errors([(msg(f"interrupted by {arg(how)}; nothing was changed"), None)], ExitCode.FAILED, as_json=as_json)
     return ExitCode.FAILED
 
 
@@ -256,8 +260,8 @@ def line(event: events.Event) -> str:
 
 def _age(event: events.Event, age_s: float) -> str:
     """Format the duration of a step, and its limit if known."""
-    limit = f" of at most {event.limit_s:.0f} s" if event.limit_s else ""
-    return translate(f"{age_s:.0f} s{limit}")
+    limit = msg(f" of at most {arg(event.limit_s):.0f} s" if event.limit_s else "")
+    return translate(f"{arg(age_s):.0f} s{arg(limit)}")
 
 
 @contextmanager
@@ -297,15 +301,15 @@ def _plain(out: TextIO, silence_s: float) -> Iterator[events.Subscriber]:
 
 def _step(event: events.Event, age_s: float) -> str:
     stage = translate(event.stage.value)
-    return f"{stage}, {_age(event, age_s)}" if age_s >= _AGE_S else stage
+    return msg(f"{arg(stage)}, {arg(_age(event, age_s))}") if age_s >= _AGE_S else stage
 
 
 def _reminder(at_work: list[tuple[events.Event, float]], age_s: float) -> str:
     """Format a reminder: `  still at work, 40 s without news: coastal-router (connecting, 40 s of at most 120 s)`."""
-    names = [f"{event.device} ({_step(event, since_s)})" for event, since_s in at_work[:_NAMED_DEVICES]]
+    names = [msg(f"{arg(event.device)} ({arg(_step(event, since_s))})") for event, since_s in at_work[:_NAMED_DEVICES]]
     if more := len(at_work) - len(names):
-        names.append(translate(f"{more} more"))
-    words = translate(f"still running, no news for {age_s:.0f} s")
+        names.append(translate(f"{arg(more)} more"))
+    words = translate(f"still running, no news for {arg(age_s):.0f} s")
     return f"  {words}" + (f": {', '.join(names)}" if names else "")
 
 

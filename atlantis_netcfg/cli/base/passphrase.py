@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
@@ -36,7 +37,9 @@ def passphrase_prompt(arguments: syntax.Arguments, what: str = _WORDS) -> Callab
 
     def ask() -> Secret:
         if not cache:
-            cache.append(_read_secret(f"{what[0].upper()}{what[1:]}: ") if number is None else _read(number))
+            cache.append(
+                _read_secret(msg(f"{arg(what[0].upper())}{arg(what[1:])}: ")) if number is None else _read(number)
+            )
         return cache[0]
 
     return ask
@@ -50,7 +53,7 @@ def choose_passphrase(arguments: syntax.Arguments, check: Callable[[Secret], Non
         check(only)
         return only
     _require_person(_WORDS)
-    first = _read_secret(f"Choose {_WORDS} (for example six dice-selected words): ")
+    first = _read_secret(msg(f"Choose {arg(_WORDS)} (for example six dice-selected words): "))
     check(first)
     if _read_secret("The same again: ") != first:
         raise UsageError("the two entries differ; nothing was created", hint="run the command again")
@@ -77,7 +80,7 @@ def vault_of(arguments: syntax.Arguments) -> Vault:
 
 def _vault_password(vault_id: str) -> Secret:
     suffix = "" if vault_id == "default" else f" ({vault_id})"
-    return _read_secret(f"Password of the inventory vault{suffix}: ")
+    return _read_secret(msg(f"Password of the inventory vault{arg(suffix)}: "))
 
 
 def _descriptor_number(arguments: syntax.Arguments) -> int | None:
@@ -86,7 +89,7 @@ def _descriptor_number(arguments: syntax.Arguments) -> int | None:
         return None
     if not (text.isascii() and text.isdecimal()) or len(text) > 6:  # noqa: PLR2004 - more than any system has
         raise UsageError(
-            f"`--passphrase-fd {text}` is not a file descriptor number", hint="example: `--passphrase-fd 3 3<FILE`"
+            f"`--passphrase-fd {arg(text)}` is not a file descriptor number", hint="example: `--passphrase-fd 3 3<FILE`"
         )
     return int(text)
 
@@ -94,7 +97,7 @@ def _descriptor_number(arguments: syntax.Arguments) -> int | None:
 def _require_person(what: str) -> None:
     if not sys.stdin.isatty():
         raise UsageError(
-            f"{what} is needed, and there is no terminal to type it",
+            f"{arg(what)} is needed, and there is no terminal to type it",
             hint="run the command on a terminal, or pass it as in `--passphrase-fd 3 3<FILE`",
         )
 
@@ -116,18 +119,19 @@ def _read(number: int) -> Secret:
             data += more
     except OSError as error:
         raise UsageError(
-            f"cannot read file descriptor {number}: {error.strerror}", hint="example: `--passphrase-fd 3 3<FILE`"
+            f"cannot read file descriptor {arg(number)}: {arg(error.strerror)}",
+            hint="example: `--passphrase-fd 3 3<FILE`",
         ) from error
     line = data.partition(b"\n")[0].removesuffix(b"\r")
     if len(line) > _MOST:
         raise UsageError(
-            f"the input of file descriptor {number} is too long for a passphrase", hint="only one line is read"
+            f"the input of file descriptor {arg(number)} is too long for a passphrase", hint="only one line is read"
         )
     try:
         return _require_nonempty(line.decode())
     except UnicodeDecodeError:
         raise UsageError(
-            f"the input of file descriptor {number} is not text", hint="only one line of UTF-8 text is read"
+            f"the input of file descriptor {arg(number)} is not text", hint="only one line of UTF-8 text is read"
         ) from None
 
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
-from atlantis_netcfg.core import errors, events, paths
+from atlantis_netcfg.core import errors, events, messages, paths
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.operations.common import play_control
 from atlantis_netcfg.operations.common.request import share_inventory
 from atlantis_netcfg.operations.common.vault import Vault, import_ansible, load_used_plugins
@@ -108,7 +109,7 @@ class _Ansible:
         self._playbook = paths.resource("playbooks") / "site.yml"
         if not self._playbook.is_file():
             raise errors.UsageError(
-                f"no such playbook: {self._playbook}", hint="run `provision` from a checkout of the toolkit"
+                f"no such playbook: {arg(self._playbook)}", hint="run `provision` from a checkout of the toolkit"
             )
         self._inventory = str(inventory)
         import_ansible()
@@ -166,12 +167,12 @@ class _Ansible:
             except AnsibleError as error:
                 reason = str(error)
             except KeyboardInterrupt:
-                reason = f"interrupted by {control.stopped_by}"
+                reason = msg(f"interrupted by {arg(control.stopped_by)}")
             finally:
                 for number in inheritable:
                     os.set_inheritable(number, True)
         if control.stopped_by and reason:
-            reason = f"interrupted by {control.stopped_by}"
+            reason = msg(f"interrupted by {arg(control.stopped_by)}")
         elif "dead state" in reason:
             reason = "the process working on it was killed"
         return reason, output.getvalue().strip()
@@ -249,7 +250,7 @@ class _EventListener:
             if not line.strip():
                 return
             try:
-                message = json.loads(line)
+                message = messages.unpack(json.loads(line))
             except ValueError:
                 continue  # whoever wrote it was killed in the middle
             try:

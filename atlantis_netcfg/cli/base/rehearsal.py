@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.common.kinds import is_other_lte_unit
 from atlantis_netcfg.operations.common.session_link import LAN, site_link_of
@@ -34,8 +35,8 @@ def announce(session: CommandSession) -> None:
     """Print that no real device is contacted."""
     if not session.as_json:
         sites = {host.site for host in session.hosts}
-        titles = ", ".join(site.title for name, site in session.inventory.sites.items() if name in sites)
-        words = f"Rehearsal of {session.site} ({titles}): emulated devices, no real device is contacted"
+        titles = join(", ", (site.title for name, site in session.inventory.sites.items() if name in sites))
+        words = msg(f"Rehearsal of {arg(session.site)} ({arg(titles)}): emulated devices, no real device is contacted")
         print(translate(words), flush=True)
 
 
@@ -49,7 +50,7 @@ def _again(session: CommandSession, emulators: Rehearsal, first: RunReport) -> R
     )
     for number, name in enumerate(links, 1):
         if not session.as_json:
-            words = f"Repeated run {number} of {len(links)}, over {name}: no change may be left"
+            words = msg(f"Repeated run {arg(number)} of {arg(len(links))}, over {arg(name)}: no change may be left")
             print(translate(words), file=sys.stderr, flush=True)
         via = {
             host.name: name for host in session.contacted_hosts if name in {LAN.name, *_link_names(session, host.site)}

@@ -20,6 +20,7 @@ from atlantis_netcfg.cli.base.passphrase import vault_of
 from atlantis_netcfg.cli.base.playbook import PlaybookRunner, PlayOutcome
 from atlantis_netcfg.core import errors, paths, printable
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.processes import stop_signals
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.common.costs import preview_costs, require_consent
@@ -189,7 +190,7 @@ class CommandSession:
             if strict
             else {errors.ExitCode.DONE, errors.ExitCode.CHECKS_FAILED, errors.ExitCode.NOTHING}
         ):
-            raise errors.NetcfgError(f"cannot configure the emulated devices:\n{report.as_text()}")
+            raise errors.NetcfgError(f"cannot configure the emulated devices:\n{arg(report.as_text())}")
 
     def _refuse_early(self, request: Request) -> None:
         """Raise errors that can be known before anything is started: a wrong link, a site that is locked."""
@@ -300,7 +301,7 @@ class CommandSession:
         if dear and not self.arguments.has_flag(syntax.ACCEPT_COST):
             consent.confirm_cost(dear, ask=not self.as_json)
         many = [
-            f"{name}: the plan {change['foreign_words']}"
+            msg(f"{arg(name)}: the plan {arg(change['foreign_words'])}")
             for name, change in plan_report.devices.items()
             if _foreign(change)
         ]
@@ -310,7 +311,7 @@ class CommandSession:
         changing = (
             name for name, item in plan_report.devices.items() if item["planned"] or item["status"] == "planned"
         )
-        consent.require_agreement(f"Change {', '.join(changing)} now?")
+        consent.require_agreement(msg(f"Change {arg(join(', ', changing))} now?"))
 
     @staticmethod
     def _plannable(plan_report: RunReport) -> Iterator[errors.ExitCode]:
@@ -353,9 +354,9 @@ class CommandSession:
                 saved_runs += [run] if places else []
             except OSError as error:
                 saved_runs.append(run)
-                failure = f"; its result could not be written: {error.strerror}"
+                failure = msg(f"; its result could not be written: {arg(error.strerror)}")
         folder = self.store.root / (sites[0] if len(sites) == 1 else "*") / "runs"
-        record = f"{', '.join(saved_runs)} in {paths.shorten_home(folder)}{failure}"
+        record = msg(f"{arg(join(', ', saved_runs))} in {arg(paths.shorten_home(folder))}{arg(failure)}")
         return translate(record) if saved_runs else ""
 
     def _next_command(self, report: RunReport) -> str:
@@ -419,8 +420,8 @@ def _refuse_outdated(plan_report: RunReport, saved_plans: Mapping[str, str], aga
     changed_names = [name for name in other if name not in silent]
     if changed_names:
         raise OutdatedPlan(
-            f"nothing was changed: {', '.join(changed_names)} changed since the plan was saved",
-            hint=f"make a new plan and review it: `{again}`",
+            f"nothing was changed: {arg(join(', ', changed_names))} changed since the plan was saved",
+            hint=f"make a new plan and review it: `{arg(again)}`",
         )
 
 
@@ -497,7 +498,7 @@ def _warn_of_damage(hosts: Sequence[Host]) -> None:
     store = Store(paths.state_dir())
     for site in sorted({host.site for host in hosts} & {*store.sites()}):
         if damage := store.damage_since(site):
-            print(translate(f"warning: {damage}"), file=sys.stderr, flush=True)
+            print(translate(f"warning: {arg(damage)}"), file=sys.stderr, flush=True)
 
 
 def _replay(arguments: syntax.Arguments, hosts: Sequence[Host]) -> Replay | None:
@@ -526,11 +527,16 @@ def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) 
     if command in {DEFAULT, "plan", "report drift"}:
         also.append(is_computer)
     passed_over = [host for host in hosts if not any(takes(host) for takes in (is_supported, *also))]
-    named_hosts = [f"{host.name} ({host.device.kind.replace('_', ' ')})" for host in passed_over if host.name in only]
+    named_hosts = [
+        msg(f"{arg(host.name)} ({arg(host.device.kind.replace('_', ' '))})")
+        for host in passed_over
+        if host.name in only
+    ]
     if named_hosts and len(passed_over) < len(hosts):
         raise errors.NoMatchError(
-            f"`provision {command}` does not apply to {', '.join(named_hosts)}", hint="remove it from `device=`"
+            f"`provision {arg(command)}` does not apply to {arg(join(', ', named_hosts))}",
+            hint="remove it from `device=`",
         )
     if len(passed_over) == len(hosts):
-        kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
-        raise errors.NoMatchError(f"nothing to do: these devices are not supported yet ({kinds})")
+        kinds = join(", ", sorted({host.device.kind.replace("_", " ") for host in hosts}))
+        raise errors.NoMatchError(f"nothing to do: these devices are not supported yet ({arg(kinds)})")

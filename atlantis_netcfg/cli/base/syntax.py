@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import inventory_names
 from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -93,7 +94,9 @@ class Flag:
     def usage(self) -> str:
         """The flag as printed in help."""
         value = f" {self.takes}" if self.takes else ""
-        return f"-{self.short}, --{self.name}{value}" if self.short else f"--{self.name}{value}"
+        return msg(
+            f"-{arg(self.short)}, --{arg(self.name)}{arg(value)}" if self.short else f"--{arg(self.name)}{arg(value)}"
+        )
 
 
 INVENTORY = Word("inventory", "inventory folder (default: checkout's, or ./inventory)")
@@ -203,7 +206,7 @@ class SeveralErrors(UsageError):
     """Several errors on one command line; `errors` holds them in the order of the arguments."""
 
     def __init__(self, errors: Sequence[UsageError]) -> None:
-        super().__init__("\n".join(str(error) for error in errors))
+        super().__init__(join("\n", errors))
         self.errors = tuple(errors)
 
 
@@ -259,10 +262,13 @@ class _WordReader:
         self._misspelt.add(word.name)  # whatever is wrong with it, it is not missing
         if "" in values:
             correction = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
-            self._error(f"`{argument}` has an empty value in its list", f"write it without spaces: `{correction}`")
+            self._error(
+                msg(f"`{arg(argument)}` has an empty value in its list"),
+                msg(f"write it without spaces: `{arg(correction)}`"),
+            )
         elif word.name in self.words and not word.many:
             both = f"`{word.name}={self.words[word.name][0]}`, `{argument}`"
-            self._error(f"`{word.name}=` is given twice", f"keep one of {both}")
+            self._error(msg(f"`{arg(word.name)}=` is given twice"), msg(f"keep one of {arg(both)}"))
         else:
             self._check_choices(word, argument, values)
             self.words.setdefault(word.name, []).extend(values)
@@ -271,16 +277,17 @@ class _WordReader:
         for value in values:
             if word.choices and value not in word.choices:
                 near = nearest(value, word.choices)
-                choices_text = f"choose one of: {', '.join(word.choices)}"
+                choices_text = msg(f"choose one of: {arg(join(', ', word.choices))}")
                 self._error(
-                    f"`{argument}`: unknown value `{value}`", _suggest(near and f"{word.name}={near}", choices_text)
+                    msg(f"`{arg(argument)}`: unknown value `{arg(value)}`"),
+                    _suggest(near and f"{word.name}={near}", choices_text),
                 )
 
     def _refuse_spaces(self, word: Word, argument: str, value: str) -> None:
         """Record the error of `site=`, and of `site = coastal` and similar, whose parts count as one error."""
         self._misspelt.add(word.name)
         correction = f"{word.name}={value}" if value else word.hint
-        self._error(f"`{argument}` has no value", f"write it without spaces: `{correction}`")
+        self._error(msg(f"`{arg(argument)}` has no value"), msg(f"write it without spaces: `{arg(correction)}`"))
 
     def _unknown_word(self, argument: str, name: str, value: str) -> None:
         near = nearest(name, [word.name for word in self.command.words])
@@ -288,7 +295,7 @@ class _WordReader:
             self._misspelt.add(near)
         flag = self.command.flag(name)
         suggestion = f"--{name} {value}".rstrip() if flag is not None and flag.takes else near and f"{near}={value}"
-        message = f"`{argument}`: unknown argument of `provision {self.command.form}`"
+        message = msg(f"`{arg(argument)}`: unknown argument of `provision {arg(self.command.form)}`")
         self._error(message, _suggest(suggestion, self._help_hint()))
 
     def _read_flag(self, argument: str, rest: list[str]) -> None:
@@ -298,7 +305,9 @@ class _WordReader:
             self._unknown_flag(argument, name, value or (_bare(rest) if self.command.word(name) else ""))
         elif not flag.takes:
             if separator:
-                self._error(f"`{argument}`: `--{flag.name}` takes no value", f"type `--{flag.name}`")
+                self._error(
+                    msg(f"`{arg(argument)}`: `--{arg(flag.name)}` takes no value"), msg(f"type `--{arg(flag.name)}`")
+                )
             self.flags[flag.name] = None
         else:
             self._take_flag(flag, value if separator else _bare(rest))
@@ -306,9 +315,9 @@ class _WordReader:
     def _take_flag(self, flag: Flag, value: str) -> None:
         if flag.name in self.flags:
             both = f"`--{flag.name} {self.flags[flag.name]}`, `--{flag.name} {value}`"
-            self._error(f"`--{flag.name}` is given twice", f"keep one of {both}")
+            self._error(msg(f"`--{arg(flag.name)}` is given twice"), msg(f"keep one of {arg(both)}"))
         elif not value:
-            self._error(f"`--{flag.name}` has no value", f"type `--{flag.name} {flag.takes}`")
+            self._error(msg(f"`--{arg(flag.name)}` has no value"), msg(f"type `--{arg(flag.name)} {arg(flag.takes)}`"))
         self.flags[flag.name] = value
 
     def _find_flag(self, argument: str, name: str) -> Flag | None:
@@ -325,7 +334,7 @@ class _WordReader:
         if word is not None:
             self._misspelt.add(name)
             hint = f"{name}={value}" if value else word.hint
-        message = f"`{argument}`: unknown option of `provision {self.command.form}`"
+        message = msg(f"`{arg(argument)}`: unknown option of `provision {arg(self.command.form)}`")
         self._error(message, _suggest(hint, self._help_hint()))
 
     def _refuse_bare(self, argument: str, rest: list[str]) -> None:
@@ -341,7 +350,7 @@ class _WordReader:
             return
         near = nearest(argument, [flag.name for flag in self.command.flags])
         hint = _suggest(self._suggest_word(argument, near) or (near and f"--{near}"), self._help_hint())
-        self._error(f"`{argument}`: unexpected argument of `provision {self.command.form}`", hint)
+        self._error(msg(f"`{arg(argument)}`: unexpected argument of `provision {arg(self.command.form)}`"), hint)
 
     def _suggest_word(self, argument: str, flag: str | None) -> str | None:
         """Suggest the argument for a name in the inventory, or similar to a site's: `site=coastal` for `coastal`."""
@@ -364,10 +373,13 @@ class _WordReader:
     def _require_words(self) -> None:
         for word in self.command.words:
             if word.is_required and word.name not in self.words and word.name not in self._misspelt:
-                self._error(f"`{word.name}=` is missing: {word.help}", f"add it, for example `{word.hint}`")
+                self._error(
+                    msg(f"`{arg(word.name)}=` is missing: {arg(word.help)}"),
+                    msg(f"add it, for example `{arg(word.hint)}`"),
+                )
 
     def _help_hint(self) -> str:
-        return f"`provision {self.command.name} --help` lists its arguments and options"
+        return msg(f"`provision {arg(self.command.name)} --help` lists its arguments and options")
 
 
 def _bare(rest: list[str]) -> str:
@@ -376,4 +388,4 @@ def _bare(rest: list[str]) -> str:
 
 
 def _suggest(near: str | None, otherwise: str) -> str:
-    return f"did you mean `{near}`?" if near else otherwise
+    return msg(f"did you mean `{arg(near)}`?") if near else otherwise

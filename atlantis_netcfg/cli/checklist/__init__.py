@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -88,7 +89,7 @@ def run_report_list(arguments: syntax.Arguments) -> ExitCode:
     every = check_run.kept_of(check_run.store(is_rehearsal=is_rehearsal), site, is_rehearsal=is_rehearsal)
     rows = [row for item in every if (row := _listed_row(item, vehicle)) is not None]
     if not rows:
-        raise NoMatchError(f"no checklist of `{site}` includes `{vehicle}`", hint="remove `vehicle=`")
+        raise NoMatchError(f"no checklist of `{arg(site)}` includes `{arg(vehicle)}`", hint="remove `vehicle=`")
     since = _since(every, vehicle)
     if arguments.flag("json"):
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
@@ -149,14 +150,17 @@ def _listed_lines(row: Mapping[str, Any]) -> Iterator[str]:
         yield printable.line(f"{row['run']}  {row['state']}: {translate(row['why'])}")
         return
     scope = f"  mission={row['mission']}" if row["mission"] else ""
-    scope += "".join(f"  {name}={','.join(values)}" for name, values in row["scope"].items())
+    scope += "".join(msg(f"  {arg(name)}={arg(','.join(values))}") for name, values in row["scope"].items())
     yield printable.line(f"{row['run']}  {translate(_outcome_text(row))}{scope}")
     yield printable.line(f"  {translate(_state_text(row))}")
 
 
 def _outcome_text(row: Mapping[str, Any]) -> str:
-    overridden = f", {row['overridden']} overridden" if row["overridden"] else ""
-    return f"{'passed' if row['exit'] == 0 else 'not passed'} ({row['verdict']}, {row['items']} items{overridden})"
+    overridden = msg(f", {arg(row['overridden'])} overridden" if row["overridden"] else "")
+    return msg(
+        f"{'passed' if row['exit'] == 0 else 'not passed'} ({arg(row['verdict'])}, {arg(row['items'])} "
+        f"items{arg(overridden)})"
+    )
 
 
 def _state_text(row: Mapping[str, Any]) -> str:
@@ -165,10 +169,13 @@ def _state_text(row: Mapping[str, Any]) -> str:
     from atlantis_netcfg.core.times import time_text
 
     if row["state"] == "signed":
-        return f"signed by {row['signed_by']}, {time_text(datetime.fromisoformat(row['signed_at']), row['time_zone'])}"
-    waiting = f", {row['open']} items open" if row["open"] else ""
+        return msg(
+            f"signed by {arg(row['signed_by'])}, "
+            f"{arg(time_text(datetime.fromisoformat(row['signed_at']), row['time_zone']))}"
+        )
+    waiting = msg(f", {arg(row['open'])} items open" if row["open"] else "")
     why = f": {row['why']}" if row["why"] else ""
-    return f"{row['state']}{waiting}{why}, not signed"
+    return msg(f"{arg(row['state'])}{arg(waiting)}{arg(why)}, not signed")
 
 
 def _change_lines(since: Mapping[str, Any] | None) -> Iterator[str]:
@@ -178,8 +185,8 @@ def _change_lines(since: Mapping[str, Any] | None) -> Iterator[str]:
     if since is None:
         yield translate("no earlier checklist passed")
         return
-    no_change = f"since {since['run']}, which passed: no change"
-    yield translate(f"since {since['run']}, which passed:" if since["changes"] else no_change)
+    no_change = msg(f"since {arg(since['run'])}, which passed: no change")
+    yield translate(f"since {arg(since['run'])}, which passed:" if since["changes"] else no_change)
     for item in since["changes"]:
         before, after = (item[key] or translate("none") for key in ("before", "after"))
         yield printable.line(f"  {item['id']}: {before} -> {after}: {translate(item['message'])}")
@@ -213,7 +220,8 @@ def run_report_show(arguments: syntax.Arguments) -> ExitCode:
     item = check_run.run_of(every, arguments.optional("run"))
     if item.document is None:
         raise DeviceError(
-            f"cannot read the checklist {item.run}: {item.why}", hint="check it with `provision report verify`"
+            f"cannot read the checklist {arg(item.run)}: {arg(item.why)}",
+            hint="check it with `provision report verify`",
         )
     if arguments.flag("json"):
         print(json_text({**check_run.as_json(item.document), "errors": []}))
@@ -258,7 +266,7 @@ def run_report_verify(arguments: syntax.Arguments) -> ExitCode:
     if arguments.flag("json"):
         print(json_text({"exit": int(code), "errors": [], "verified": rows}))
     else:
-        print(translate("\n".join(line for row in rows for line in _lines(row))))
+        print(translate(join("\n", (line for row in rows for line in _lines(row)))))
     return code
 
 
@@ -299,7 +307,7 @@ def _file_row(arguments: syntax.Arguments, name: str) -> dict[str, Any]:
         data = path.read_bytes()
     except OSError as error:
         hint = "give the report.json of a checklist"
-        raise UsageError(f"cannot read `{name}`: {error.strerror}", hint=hint) from error
+        raise UsageError(f"cannot read `{arg(name)}`: {arg(error.strerror)}", hint=hint) from error
     try:
         document = Document.model_validate_json(data)
     except ValueError:
@@ -335,10 +343,13 @@ def _lines(row: Mapping[str, Any]) -> Iterator[str]:
     if not row["troubles"]:
         signature = row["signed"]
         at = time_text(datetime.fromisoformat(signature["at"]), row["time_zone"])
-        words = f"{row['name']}{rehearsal_note}: as signed by {signature['by']} at {at}, key {signature['key']}"
+        words = msg(
+            f"{arg(row['name'])}{arg(rehearsal_note)}: as signed by {arg(signature['by'])} at {arg(at)}, key "
+            f"{arg(signature['key'])}"
+        )
         yield printable.line(translate(words))
         return
-    yield printable.line(translate(f"{row['name']}{rehearsal_note}: NOT VERIFIED ({row['place']})"))
+    yield printable.line(translate(f"{arg(row['name'])}{arg(rehearsal_note)}: NOT VERIFIED ({arg(row['place'])})"))
     for item in row["troubles"]:
         yield printable.line(f"  {item['file']}: {translate(item['what'])}")
         yield printable.line(f"    -> {translate(item['hint'])}")

@@ -34,6 +34,7 @@ from atlantis_netcfg.cli.checklist import workflow
 from atlantis_netcfg.core import events, paths, printable
 from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, UsageError, nearest
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.printable import show
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.common.request import refuse_examples
@@ -59,7 +60,8 @@ def refuse_faults(faults: Sequence[str], *, is_rehearsal: bool) -> None:
             near = nearest(fault, FAULTS)
             fault_list = "\n".join(["possible values:", *(f"{name:<20} {item.words}" for name, item in FAULTS.items())])
             raise UsageError(
-                f"`break={fault}`: unknown fault", hint=f"did you mean `break={near}`?" if near else fault_list
+                f"`break={arg(fault)}`: unknown fault",
+                hint=f"did you mean `break={arg(near)}`?" if near else fault_list,
             )
 
 
@@ -75,19 +77,21 @@ def refuse_absent(faults: Sequence[str], every: Checklist, scope: Scope) -> None
     here = {entry.item.id for entry in every.entries}
     for fault in faults:
         if not any(turn.replace("SITE", every.site) in here for turn in FAULTS[fault].turns):
-            what = f"`break={fault}`: does not apply to {every.site} ({FAULTS[fault].words})"
+            what = msg(f"`break={arg(fault)}`: does not apply to {arg(every.site)} ({arg(FAULTS[fault].words)})")
             raise UsageError(
                 what, hint="faults are defined for the coastal testbed of the shipped inventory: try site=coastal"
             )
         rows = {turn.partition("/")[0] for turn in FAULTS[fault].turns}
         if report.Phase.INTEGRATION in scope.phases and not rows.intersection(scope.vehicles):
             others = rows - {"SITE"}
-            hint = (
-                f"it belongs to the record of `vehicle={min(others)}`"
+            hint = msg(
+                f"it belongs to the record of `vehicle={arg(min(others))}`"
                 if others
                 else "it belongs to the site's checklist"
             )
-            raise UsageError(f"`break={fault}` does not affect {scope.vehicles[0]} ({FAULTS[fault].words})", hint=hint)
+            raise UsageError(
+                f"`break={arg(fault)}` does not affect {arg(scope.vehicles[0])} ({arg(FAULTS[fault].words)})", hint=hint
+            )
 
 
 def broken(faults: Sequence[str]) -> tuple[str, ...]:
@@ -96,7 +100,7 @@ def broken(faults: Sequence[str]) -> tuple[str, ...]:
         return ()
     from atlantis_netcfg.checklist.runner.simulated import FAULTS
 
-    return tuple(f"{fault}: {FAULTS[fault].words}" for fault in faults)
+    return tuple(msg(f"{arg(fault)}: {arg(FAULTS[fault].words)}") for fault in faults)
 
 
 def breaks_a_site(faults: Sequence[str]) -> bool:
@@ -194,14 +198,16 @@ def kept_of(where: runs.Store, site: str, *, is_rehearsal: bool) -> tuple[SavedC
     if site in sites:
         return books(folder_of(where, site))
     near = nearest(site, sites)
-    begins = "" if near else f"; `provision check site={site}{' --rehearse' if is_rehearsal else ''}` starts one"
+    begins = msg(
+        "" if near else f"; `provision check site={arg(site)}{' --rehearse' if is_rehearsal else ''}` starts one"
+    )
     other = (
         ""
         if is_rehearsal or site not in sites_with(store(is_rehearsal=True))
         else "; add --rehearse to see rehearsed ones"
     )
     raise NoMatchError(
-        f"`{site}` has no {'rehearsed ' if is_rehearsal else ''}checklist",
+        f"`{arg(site)}` has no {'rehearsed ' if is_rehearsal else ''}checklist",
         hint=_suggest(site, sites, "checklists exist for") + (other or begins),
     )
 
@@ -214,14 +220,14 @@ def run_of(entries: Sequence[SavedChecklist], run: str | None) -> SavedChecklist
         if entry.run == run:
             return entry
     raise NoMatchError(
-        f"no such checklist: {run}", hint=_suggest(run, [item.run for item in entries[-5:]], "the latest")
+        f"no such checklist: {arg(run)}", hint=_suggest(run, [item.run for item in entries[-5:]], "the latest")
     )
 
 
 def _suggest(word: str, names: Iterable[str], what: str) -> str:
     every = list(names)
     near = nearest(word, every)
-    return f"did you mean `{near}`?" if near else f"{what}: {', '.join(every) or 'none'}"
+    return msg(f"did you mean `{arg(near)}`?" if near else f"{arg(what)}: {arg(join(', ', every) or 'none')}")
 
 
 def as_json(document: report.Document) -> dict[str, Any]:
@@ -232,7 +238,7 @@ def as_json(document: report.Document) -> dict[str, Any]:
 def pages_in(folder: Path) -> Iterator[str]:
     """Yield where the pages of a checklist are stored."""
     if (folder / "report.html").exists():
-        yield translate(f"report: {paths.shorten_home(folder / 'report.html')}")
+        yield translate(f"report: {arg(paths.shorten_home(folder / 'report.html'))}")
 
 
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
@@ -251,16 +257,16 @@ def greet(prompt: workflow.Prompt, book: ChecklistSession) -> None:
         prompt.say(translate(book.words))
     later, back = shown_word(workflow.LATER), shown_word(workflow.BACK)
     for words in (
-        f"{len(items) - waiting} of {len(items)} items are complete, {waiting} are open.",
-        f"Every answer is saved at once. `{later}` leaves the rest for another time,",
-        f"as Ctrl+C does. `{back}` returns to the previous question, to correct an answer.",
+        msg(f"{arg(len(items) - waiting)} of {arg(len(items))} items are complete, {arg(waiting)} are open."),
+        msg(f"Every answer is saved at once. `{arg(later)}` leaves the rest for another time,"),
+        msg(f"as Ctrl+C does. `{arg(back)}` returns to the previous question, to correct an answer."),
     ):
         prompt.say(translate(words))
 
 
 def note(words: str) -> None:
     """Print a note on stderr, in addition to the result."""
-    print(translate(f"note: {words}"), file=sys.stderr)
+    print(translate(f"note: {arg(words)}"), file=sys.stderr)
 
 
 def signer(answers: Answers | None, sign_as: str | None) -> str | None:
@@ -340,7 +346,7 @@ def _next(arguments: Arguments, document: report.Document) -> Iterator[str]:
     elif waiting == 1:
         words = "NOT SIGNED: 1 item is open. To continue and sign, run on a terminal:"
     elif waiting:
-        words = f"NOT SIGNED: {waiting} items are open. To continue and sign, run on a terminal:"
+        words = msg(f"NOT SIGNED: {arg(waiting)} items are open. To continue and sign, run on a terminal:")
     else:
         words = "NOT SIGNED: no item is open. To sign, run on a terminal:"
     yield translate(words)
@@ -353,10 +359,10 @@ def _begin_anew(bad: Sequence[report.Item]) -> str:
         return "Nothing was checked. Start a new checklist; run:"
     worst, others = bad[0].id, len(bad) - 1
     if others == 0:
-        return f"Fix {worst}, then start a new checklist; run:"
+        return msg(f"Fix {arg(worst)}, then start a new checklist; run:")
     if others == 1:
-        return f"Fix {worst} and 1 other, then start a new checklist; run:"
-    return f"Fix {worst} and {others} others, then start a new checklist; run:"
+        return msg(f"Fix {arg(worst)} and 1 other, then start a new checklist; run:")
+    return msg(f"Fix {arg(worst)} and {arg(others)} others, then start a new checklist; run:")
 
 
 def _pages(document: report.Document, book: ChecklistSession) -> Mapping[str, bytes]:
@@ -400,7 +406,7 @@ class PreparedCheck:
 def refuse_signer(name: str, checklist: Checklist) -> None:
     """Raise UsageError if this person may not sign the list, before anything is checked."""
     if (wrong := refused_person(name, checklist.signers, "sign this checklist")) is not None:
-        raise UsageError(f"`--sign-as {name}`: {wrong[0]}", hint=wrong[1])
+        raise UsageError(f"`--sign-as {arg(name)}`: {arg(wrong[0])}", hint=wrong[1])
 
 
 def taking_part(
@@ -424,7 +430,7 @@ def run_check(arguments: Arguments, prompt: workflow.Prompt | None = None) -> Ex
     refuse_faults(arguments.many("break"), is_rehearsal=arguments.flag("rehearse"))
     if (name := arguments.value("sign-as")) is not None and workflow.doubt_of_name(clean_name(name)):
         raise UsageError(
-            f"`--sign-as {name}`: this does not look like a person's name",
+            f"`--sign-as {arg(name)}`: this does not look like a person's name",
             hint="write the name as it should appear in the report",
         )
     check = PreparedCheck(arguments)
@@ -439,7 +445,7 @@ def run_check(arguments: Arguments, prompt: workflow.Prompt | None = None) -> Ex
         ) as site_session:
             return _run_checklist(site_session, check, prompt)
     except KeyboardInterrupt:
-        hint = f"continue with `{again(arguments)}`"
+        hint = msg(f"continue with `{arg(again(arguments))}`")
         raise CheckInterrupt("interrupted by Ctrl-C; results and answers so far are saved", hint=hint) from None
 
 
@@ -491,7 +497,7 @@ def _item_printer(notify: events.Subscriber, prompt: workflow.Prompt | None) -> 
         if prompt is not None:
             prompt.say(workflow.render_item(item))
         else:
-            notify(events.Event(item.id, events.Stage.DONE, f"{item.verdict}: {item.message}"))
+            notify(events.Event(item.id, events.Stage.DONE, msg(f"{arg(item.verdict)}: {arg(item.message)}")))
 
     return tell
 

@@ -25,6 +25,7 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import EvidenceKind
 from atlantis_netcfg.links.cost import CostRefusal, Preview
 from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_of
@@ -80,17 +81,17 @@ def confirm(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist.P
     _title(prompt, entry)
     step = entry.step
     if step.do:
-        prompt.say(translate(f"  do        {step.do}"))
-    prompt.say(translate(f"  look for  {step.look_for}"))
+        prompt.say(translate(f"  do        {arg(step.do)}"))
+    prompt.say(translate(f"  look for  {arg(step.look_for)}"))
     if step.evidence.words:
-        prompt.say(translate(f"  give      {step.evidence.words}"))
+        prompt.say(translate(f"  give      {arg(step.evidence.words)}"))
     if step.by:
-        prompt.say(translate(f"  answers   {', '.join(step.by)} only"))
+        prompt.say(translate(f"  answers   {arg(join(', ', step.by))} only"))
     _confirm(book, prompt, entry)
 
 
 def _title(prompt: Prompt, entry: checklist.PlanEntry) -> None:
-    prompt.say(f"\n{entry.item.id}: {report.item_title(entry.item)}")
+    prompt.say(msg(f"\n{arg(entry.item.id)}: {arg(report.item_title(entry.item))}"))
 
 
 def _confirm(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist.PlanEntry) -> None:
@@ -107,7 +108,7 @@ def _answer(prompt: Prompt, step: Step) -> checklist.Confirmation:
     verdict = _verdict(prompt)
     request, holds = step.evidence, verdict in {Verdict.PASS, Verdict.WARN}
     number, photo = (holds and request.kind is kind for kind in (EvidenceKind.NUMBER, EvidenceKind.PHOTO))
-    value = prompt.number(f"The number, in {request.unit}:") if number else None
+    value = prompt.number(msg(f"The number, in {arg(request.unit)}:")) if number else None
     if verdict in _NOTES:
         note = prompt.needs(_NOTES[verdict])
     elif request.kind is EvidenceKind.TEXT:
@@ -124,7 +125,7 @@ def _verdict(prompt: Prompt) -> Verdict:
     while True:
         verdict = prompt.choose("Is it so?", _WORDS)
         if verdict is not Verdict.FAIL or prompt.is_so(
-            f"You answered {shown_word(NO)}: FAIL will be recorded. Is that right?"
+            msg(f"You answered {arg(shown_word(NO))}: FAIL will be recorded. Is that right?")
         ):
             return verdict
 
@@ -134,11 +135,13 @@ def consent(prompt: Prompt, entry: checklist.PlanEntry, price: Price | None) -> 
     condition = entry.step.consent
     assert condition is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
     _title(prompt, entry)
-    prompt.say(translate(f"  This step needs your consent: {condition.question}."))
+    prompt.say(translate(f"  This step needs your consent: {arg(condition.question)}."))
     if not prompt.agrees("Is that so, and do you want to start it now?"):
         return None
     if price is not None:
-        words = f"  Traffic: {price.words}" if price.due else f"  a real run asks first; traffic: {price.words}"
+        words = msg(
+            f"  Traffic: {arg(price.words)}" if price.due else f"  a real run asks first; traffic: {arg(price.words)}"
+        )
         prompt.say(translate(words))
         if price.due and not prompt.agrees("Accept the cost?", PAY):
             return None
@@ -150,8 +153,9 @@ def otherwise(book: checklist.ChecklistSession, prompt: Prompt, entry: checklist
     if not book.item(entry.item.id).open:
         return
     leave_word, seen_word, override = map(shown_word, _ELSE)
-    question = (
-        f"Leave it open (`{leave_word}`), record another observation (`{seen_word}`), or override it (`{override}`)?"
+    question = msg(
+        f"Leave it open (`{arg(leave_word)}`), record another observation (`{arg(seen_word)}`), or override it "
+        f"(`{arg(override)}`)?"
     )
     match prompt.choose(question, _ELSE):
         case "seen":
@@ -200,9 +204,11 @@ def _ask_correction(
     item = book.item(entry.item.id)
     again, override, on = map(shown_word, _AFTER)
     if item.verdict in confirmations.OVERRIDABLE:
-        choice = prompt.choose(f"Check again (`{again}`), override it (`{override}`), or continue (`{on}`)?", _AFTER)
+        choice = prompt.choose(
+            msg(f"Check again (`{arg(again)}`), override it (`{arg(override)}`), or continue (`{arg(on)}`)?"), _AFTER
+        )
     else:
-        choice = prompt.choose(f"Check again (`{again}`), or continue (`{on}`)?", _AGAIN)
+        choice = prompt.choose(msg(f"Check again (`{arg(again)}`), or continue (`{arg(on)}`)?"), _AGAIN)
     if choice == "override":
         _override(book, prompt, entry)
     elif choice == "again" and item.kind is report.ItemKind.PERSON:
@@ -314,7 +320,7 @@ class CheckWorkflow:
     def _place(self, entry: checklist.PlanEntry) -> str:
         """Format the item's number and the total, in the order of the phases."""
         order = sorted(self.entries, key=lambda each: tuple(report.Phase).index(each.item.phase))
-        return translate(f"item {order.index(entry) + 1} of {len(order)}")
+        return translate(f"item {arg(order.index(entry) + 1)} of {arg(len(order))}")
 
     def _ask_ready(self, prompt: Prompt, phase: report.Phase) -> bool:
         while True:
@@ -337,7 +343,7 @@ class CheckWorkflow:
         sick = self._sick(entry)
         if sick is not None:
             _title(prompt, entry)
-            prompt.say(f"{translate(f'  not now: {sick.message}')} ({sick.id})")
+            prompt.say(f"{translate(f'  not now: {arg(sick.message)}')} ({sick.id})")
             otherwise(self.book, prompt, entry)
             return
         try:
@@ -351,7 +357,7 @@ class CheckWorkflow:
             otherwise(self.book, prompt, entry)
             return
         if entry.step.consent is not None and entry.step.consent.prompt:
-            prompt.say(translate(f"  Now: {entry.step.consent.prompt}."))
+            prompt.say(translate(f"  Now: {arg(entry.step.consent.prompt)}."))
         self._examine([entry], {entry.item.id: by}, is_paid=True)
 
     def _sick(self, entry: checklist.PlanEntry) -> report.Item | None:
@@ -479,7 +485,7 @@ class Prompt:
     def choose(self, question: str, words: Mapping[str, T], default: str = "") -> T:
         """Ask for one of these words; `default` is used for an empty answer, an unambiguous prefix is enough."""
         every = (*words, BACK, LATER)
-        choices = ", ".join(map(shown_word, every))
+        choices = join(", ", map(shown_word, every))
         while True:
             answer = plain(self._read(self._with_choices(translate(question), choices))) or default
             word = _match_word(answer, every)
@@ -491,7 +497,7 @@ class Prompt:
             if word is not None:
                 return words[word]
             near = nearest(answer, map(shown_word, words))
-            self.say(translate(f"  type one of: {choices}") + (f" (`{near}`?)" if near else ""))
+            self.say(translate(f"  type one of: {arg(choices)}") + (f" (`{near}`?)" if near else ""))
 
     def _with_choices(self, question: str, choices: str) -> str:
         """Add the choices to a question: beside it if the terminal is wide enough, otherwise below it."""
@@ -509,7 +515,7 @@ class Prompt:
     def needs(self, question: str) -> str:
         """Ask for an answer that is not empty."""
         while not (answer := self.ask(question)):
-            self.say(translate(f"  an entry is required; `{shown_word(LATER)}` leaves the item open"))
+            self.say(translate(f"  an entry is required; `{arg(shown_word(LATER))}` leaves the item open"))
         return answer
 
     @property
@@ -530,10 +536,10 @@ class Prompt:
         if not people or confirmations.refused_person(self.name, people, "answer") is None:
             return self.name
         while True:
-            name = self.needs(f"Which person is it: {', '.join(people)}?")
+            name = self.needs(msg(f"Which person is it: {arg(join(', ', people))}?"))
             if (wrong := confirmations.refused_person(name, people, "answer")) is None:
                 return name
-            self.say(translate(f"  {wrong[0]}"))
+            self.say(translate(f"  {arg(wrong[0])}"))
 
     def number(self, question: str) -> float:
         """Ask for a number, with a point or a comma. Raises PromptAbort, PromptBack."""
@@ -545,7 +551,7 @@ class Prompt:
                 value = math.nan
             if math.isfinite(value):
                 return value
-            self.say(translate(f"  `{text}` is not a number: write it without its unit, like 16.1"))
+            self.say(translate(f"  `{arg(text)}` is not a number: write it without its unit, like 16.1"))
 
     def files(self, *, photo: bool = False) -> tuple[Path, ...]:
         """Ask for evidence files; may be empty unless a photo is needed. Raises PromptAbort, PromptBack."""
@@ -554,17 +560,18 @@ class Prompt:
             while not confirmations.is_photo(
                 file := self._path(self.ask("Photo as evidence (path of a JPEG or PNG):"))
             ):
-                words = (
-                    f"  a photo is required: give the path of a JPEG or PNG; `{shown_word(LATER)}` leaves the item open"
+                words = msg(
+                    f"  a photo is required: give the path of a JPEG or PNG; `{arg(shown_word(LATER))}` leaves the "
+                    "item open"
                 )
                 self.say(translate(words))
             files.append(file)
         more = "no more" if photo else "none or no more"
-        while path_text := self.ask(f"Photo or file as evidence (a path; empty: {more}):"):
+        while path_text := self.ask(msg(f"Photo or file as evidence (a path; empty: {arg(more)}):")):
             if (file := self._path(path_text)).is_file():
                 files.append(file)
             else:
-                self.say(translate(f"  no such file: {path_text}"))
+                self.say(translate(f"  no such file: {arg(path_text)}"))
         return tuple(files)
 
     @staticmethod
@@ -605,13 +612,17 @@ _FILE_NAME = re.compile(r"[/\\~]|\.(jpe?g|png|heic|gif|webp|tiff?|pdf|txt|log|ya
 def doubt_of_name(name: str) -> str | None:
     """Return a question if a name looks like a flag, an argument or a file name; otherwise None."""
     if name.startswith("-"):
-        return f"`{name}` looks like an option. Is it your name?"
+        return msg(f"`{arg(name)}` looks like an option. Is it your name?")
     if re.match(r"[\w-]+=", name):
-        return f"`{name}` looks like an argument. Is it your name?"
+        return msg(f"`{arg(name)}` looks like an argument. Is it your name?")
     if _FILE_NAME.search(name):
-        return f"`{name}` looks like a file. Is it your name?"
+        return msg(f"`{arg(name)}` looks like a file. Is it your name?")
     answers = {alternative for word in (*_WORDS, *_AFTER, *_ELSE, PAY) for alternative in taken_words(word)}
-    return f"`{name}` looks like an answer to another question. Is it your name?" if plain(name) in answers else None
+    return (
+        msg(f"`{arg(name)}` looks like an answer to another question. Is it your name?")
+        if plain(name) in answers
+        else None
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -635,7 +646,7 @@ def price_of(session: CommandSession, entry: checklist.PlanEntry) -> Price | Non
     if not metered_previews:
         return None
     due = not session.is_rehearsal and not session.arguments.flag(ACCEPT_COST.name)
-    return Price("; ".join(preview.words for preview in metered_previews), due)
+    return Price(join("; ", (preview.words for preview in metered_previews)), due)
 
 
 def _previews(session: CommandSession, link: str) -> tuple[Preview, ...]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.operations import Mode
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def rehearse_from(
     gaps = tuple(state.gap for state in start)
     failure = _begin(session, start)
     if failure is not None:
-        never = f"{what}: cannot set the emulated devices to the initial state"
+        never = msg(f"{arg(what)}: cannot set the emulated devices to the initial state")
         return replace(failure, not_rehearsed=(never, *gaps, *failure.not_rehearsed))
     report = go_on()
     return replace(report, not_rehearsed=(*gaps, *report.not_rehearsed))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import as_typed, translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.runs import Run, Store
@@ -45,12 +46,12 @@ def run_recover(arguments: syntax.Arguments) -> ExitCode:
         print(json_text({"exit": int(ExitCode.DONE), "errors": [], "unfinished": rows}))
         return ExitCode.DONE
     for name, run in unfinished_runs:
-        print(translate(f"{name}: run {run.id} is unfinished on {', '.join(run.unsettled_devices)}"))
+        print(translate(f"{arg(name)}: run {arg(run.id)} is unfinished on {arg(join(', ', run.unsettled_devices))}"))
     if not choices:
         _print_nothing(store, sites)
         return ExitCode.DONE
     for number, command in enumerate(choices, 1):
-        print(as_typed(f"  {number}: {command}"))
+        print(as_typed(msg(f"  {arg(number)}: {arg(command)}")))
     return _choose(choices)
 
 
@@ -68,7 +69,11 @@ def _print_nothing(store: Store, sites: tuple[str, ...]) -> None:
     for site in sites:
         if any(run.before(device) is not None for run in store.runs(site) for device in run.outcomes):
             more = " --rehearse" if store.is_rehearsal else ""
-            print(translate(f"  to undo the newest run: `provision recover rollback site={site} run=latest{more}`"))
+            print(
+                translate(
+                    f"  to undo the newest run: `provision recover rollback site={arg(site)} run=latest{arg(more)}`"
+                )
+            )
 
 
 def _choose(choices: list[str]) -> ExitCode:
@@ -80,7 +85,7 @@ def _choose(choices: list[str]) -> ExitCode:
 
     if not sys.stdin.isatty():
         return ExitCode.DONE
-    answer = (read_line(f"{translate(f'Which one? 1 to {len(choices)}, or Enter for none:')} ") or "").strip()
+    answer = (read_line(f"{translate(f'Which one? 1 to {arg(len(choices))}, or Enter for none:')} ") or "").strip()
     if not answer.isdecimal() or not 1 <= int(answer) <= len(choices):
         return ExitCode.DONE
     name, words = choose(shlex.split(choices[int(answer) - 1])[1:], COMMANDS)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -101,7 +102,7 @@ def _rehearse(session: CommandSession, broken: Run) -> RunReport:
         return rehearse(session, session.rehearsal, mode=Mode.RESUME, run=broken.id)
 
     start = before_resuming(session.state, session.hosts, broken)
-    return rehearse_from(session, start, go_on, f"how to continue run {broken.id}")
+    return rehearse_from(session, start, go_on, msg(f"how to continue run {arg(broken.id)}"))
 
 
 def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = False) -> Run:
@@ -118,7 +119,7 @@ def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = Fa
         (runs for store in stores(state, is_rehearsal=is_rehearsal) if (runs := store.unfinished_runs(site))), ()
     )
     if not open_runs:
-        raise errors.NoMatchError(f"{site} has no unfinished run", hint="`provision report runs` lists all runs")
+        raise errors.NoMatchError(f"{arg(site)} has no unfinished run", hint="`provision report runs` lists all runs")
     return next((run for run in reversed(open_runs) if run.purpose is Purpose.CONFIGURE), open_runs[-1])
 
 
@@ -153,7 +154,7 @@ def _left_by_others(session: CommandSession, name: str | None, nothing: errors.N
         raise nothing
     session.narrow([host.name for host in session.handled_hosts])
     if not session.as_json:
-        print(f"{nothing}; checking its devices", flush=True)
+        print(msg(f"{arg(nothing)}; checking its devices"), flush=True)
     report = session.perform(Mode.PLAN)
     busy = {device: str(result["busy"]) for device, result in report.devices.items() if result.get("busy")}
     if name is not None:
@@ -166,8 +167,8 @@ def _left_by_others(session: CommandSession, name: str | None, nothing: errors.N
         return session.perform(Mode.RESUME, run=name)
     if report.exit is errors.ExitCode.CHANGES:
         raise errors.NoMatchError(
-            f"{nothing}; no change is pending on its devices, but they differ from the inventory",
-            hint=f"to apply the inventory, run:  provision site={session.site}",
+            f"{arg(nothing)}; no change is pending on its devices, but they differ from the inventory",
+            hint=f"to apply the inventory, run:  provision site={arg(session.site)}",
         )
     if report.exit is errors.ExitCode.DONE:
         raise nothing
@@ -185,7 +186,9 @@ def _refuse_others(broken: Run) -> None:
     }
     if broken.purpose in repeatable:
         what = repeatable[broken.purpose]
-        raise errors.UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{broken.next_command}`")
+        raise errors.UsageError(
+            f"run {arg(broken.id)} was {arg(what)}", hint=f"repeat it: `{arg(broken.next_command)}`"
+        )
 
 
 def _refuse_settled(broken: Run) -> None:
@@ -197,23 +200,28 @@ def _refuse_settled(broken: Run) -> None:
     ):
         return
     raise errors.NoMatchError(
-        f"run {broken.id} has left nothing pending on any device",
-        hint=f"to complete it, run its command again:  {broken.start_record.command}",
+        f"run {arg(broken.id)} has left nothing pending on any device",
+        hint=f"to complete it, run its command again:  {arg(broken.start_record.command)}",
     )
 
 
 def _print_broken_run(session: CommandSession, broken: Run) -> None:
     if session.as_json:
         return
-    print(f"run {broken.id}: {broken.start_record.command if broken.start_record else 'killed before it started'}")
-    for host in broken.undone:
-        progress = (
-            f"{len(broken.confirmed_actions(host))} actions were confirmed, "
-            f"{len(broken.acknowledged_actions(host))} acknowledged"
+    print(
+        msg(
+            f"run {arg(broken.id)}: "
+            f"{arg(broken.start_record.command if broken.start_record else 'killed before it started')}"
         )
-        print(f"  {host:<18} {progress}")
+    )
+    for host in broken.undone:
+        progress = msg(
+            f"{arg(len(broken.confirmed_actions(host)))} actions were confirmed, "
+            f"{arg(len(broken.acknowledged_actions(host)))} acknowledged"
+        )
+        print(msg(f"  {arg(host):<18} {arg(progress)}"))
     start = broken.start_record
     if start is not None and (start.back_to or start.restore):
-        print(f"  it continues towards the saved state of run {start.back_to or start.restore}")
+        print(msg(f"  it continues towards the saved state of run {arg(start.back_to or start.restore)}"))
     elif start is not None and start.revision != session.inventory.revision:
         print("  the inventory has changed since then: the current inventory is applied")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
@@ -97,15 +98,15 @@ def _tell(session: CommandSession, run: Run) -> None:
         return
     start = run.start_record
     when = f"{run.at:%Y-%m-%d %H:%M} UTC" if run.at is not None else ""
-    print(translate(f"back to the state before run {run.id} ({when}, exit {run.exit})"), flush=True)
+    print(translate(f"back to the state before run {arg(run.id)} ({arg(when)}, exit {arg(run.exit)})"), flush=True)
     if start is not None:
         print(f"  {start.command}", flush=True)
     if start is not None and start.rehearsed:
         print(f"  {translate('this was a rehearsal with emulated devices')}", flush=True)
     for host, outcome in run.outcomes.items():
         if run.before(host) is None:
-            note = translate(f"{host} is not changed: the run saved no state of it")
-            print(f"  {note} ({outcome.status})", flush=True)
+            note = translate(f"{arg(host)} is not changed: the run saved no state of it")
+            print(msg(f"  {arg(note)} ({arg(outcome.status)})"), flush=True)
 
 
 def _roll_back_devices(session: CommandSession) -> RunReport:
@@ -126,4 +127,4 @@ def _rehearse(session: CommandSession, run: Run) -> RunReport:
         return rehearse(session, session.rehearsal)
 
     start = before_rollback(session.state, session.hosts, run)
-    return rehearse_from(session, start, go_on, f"the rollback of run {run.id}")
+    return rehearse_from(session, start, go_on, msg(f"the rollback of run {arg(run.id)}"))

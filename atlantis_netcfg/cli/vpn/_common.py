@@ -9,6 +9,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -88,7 +89,7 @@ def who() -> str:
     except KeyError:
         account = str(os.getuid())
     person = os.environ.get("SUDO_USER", "")
-    name = f"{person} as {account}" if person.isalnum() and account == "root" else account
+    name = msg(f"{arg(person)} as {arg(account)}") if person.isalnum() and account == "root" else account
     return f"{name}@{socket.gethostname()}"
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,15 +65,18 @@ def run_vpn_init(arguments: syntax.Arguments) -> ExitCode:
         },
     }
     lines = [
-        f"{'unchanged' if there else 'created'}: VPN authority in {folder}",
-        f"  its server is {names.common_name}, reachable at {', '.join([*names.dns, *map(str, names.addresses)])}",
+        msg(f"{'unchanged' if there else 'created'}: VPN authority in {arg(folder)}"),
+        msg(
+            f"  its server is {arg(names.common_name)}, reachable at "
+            f"{arg(join(', ', [*names.dns, *map(str, names.addresses)]))}"
+        ),
     ]
     if there is None:
         lines.append(
             "  copy the folder to a second place and store the passphrase in a third: neither can be recreated"
         )
     if there is None and (memory := authority.opening_bytes()):
-        lines.append(f"  decrypting its key takes about a second and {memory >> 20} MiB of memory")
+        lines.append(msg(f"  decrypting its key takes about a second and {arg(memory >> 20)} MiB of memory"))
     return _common.tell(arguments, ExitCode.DONE, values, lines)
 
 
@@ -177,10 +181,10 @@ def run_vpn_show(arguments: syntax.Arguments) -> ExitCode:
 
 
 def _lines(member: Member, standing: str) -> Iterator[str]:
-    whose = f"of {member.partner}" if member.partner is not None else "of the pilot itself"
-    vehicle = f", vehicle {member.vehicle}" if member.vehicle is not None else ""
-    yield f"{member.name}: {member.kind} {whose}{vehicle}, {standing}"
-    yield f"  address {member.address}, timers for {member.link}"
+    whose = msg(f"of {arg(member.partner)}" if member.partner is not None else "of the pilot itself")
+    vehicle = msg(f", vehicle {arg(member.vehicle)}" if member.vehicle is not None else "")
+    yield msg(f"{arg(member.name)}: {arg(member.kind)} {arg(whose)}{arg(vehicle)}, {arg(standing)}")
+    yield msg(f"  address {arg(member.address)}, timers for {arg(member.link)}")
     for certificate in member.certificates:
         yield from _certificate(certificate)
 
@@ -189,7 +193,13 @@ def _certificate(certificate: Certificate) -> Iterator[str]:
     from atlantis_netcfg.vpn.reports import when
 
     until, last_seen = when(certificate.not_after), when(certificate.seen)
-    yield f"  {certificate.common_name}: {certificate.standing}, valid until {until}, last seen {last_seen}"
-    yield f"    {certificate.key} key, {certificate.wrap}, serial {certificate.serial:x}"
+    yield msg(
+        f"  {arg(certificate.common_name)}: {arg(certificate.standing)}, valid until {arg(until)}, last seen "
+        f"{arg(last_seen)}"
+    )
+    yield msg(f"    {arg(certificate.key)} key, {arg(certificate.wrap)}, serial {arg(certificate.serial):x}")
     if certificate.revoked is not None:
-        yield f"    revoked {when(certificate.revoked)}{f': {certificate.reason}' if certificate.reason else ''}"
+        yield msg(
+            "    revoked "
+            f"{arg(when(certificate.revoked))}{f': {arg(certificate.reason)}' if certificate.reason else ''}"
+        )

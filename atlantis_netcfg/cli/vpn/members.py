@@ -8,6 +8,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -112,7 +113,7 @@ def _device_words(arguments: syntax.Arguments) -> Sequence[DeviceWords]:
         return [DeviceWords("", **words)]
     if extra_words := [key for key, value in words.items() if value is not None and key != "recipient"]:
         raise UsageError(
-            f"`{extra_words[0]}=` cannot be used with `batch=`", hint="write it into the file, for each device"
+            f"`{arg(extra_words[0])}=` cannot be used with `batch=`", hint="write it into the file, for each device"
         )
     common = {key: value for key, value in words.items() if value is not None}
     rows = read(Path(batch), KEYS)
@@ -188,7 +189,7 @@ def _members_to_renew(arguments: syntax.Arguments, membership: MembershipList) -
     )
     if not due:
         raise NoMatchError(
-            f"no certificate expires within {within}", hint="`provision vpn list` shows the expiry dates"
+            f"no certificate expires within {arg(within)}", hint="`provision vpn list` shows the expiry dates"
         )
     return due
 
@@ -258,10 +259,13 @@ def _agree(arguments: syntax.Arguments, members: tuple[Member, ...]) -> None:
                 (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
             )
             print(
-                translate(f"  {member.name}: {member.kind}, {member.address}, last seen {when(last_seen)}"), flush=True
+                translate(
+                    f"  {arg(member.name)}: {arg(member.kind)}, {arg(member.address)}, last seen {arg(when(last_seen))}"
+                ),
+                flush=True,
             )
     require_agreement(
-        "Revoke them permanently now?" if len(members) > 1 else f"Revoke {members[0].name} permanently now?"
+        msg("Revoke them permanently now?" if len(members) > 1 else f"Revoke {arg(members[0].name)} permanently now?")
     )
 
 
@@ -305,8 +309,13 @@ def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
     }
     how = "unchanged" if acceptance.already else "accepted"
     lines = [
-        f"{member.name}: {how}, address {member.address}, valid until {certificate.not_after:%Y-%m-%d}",
-        f"  saved in {acceptance.path}; `{install_command(inventory, member)}` installs it on the device",
+        msg(
+            f"{arg(member.name)}: {arg(how)}, address {arg(member.address)}, valid until "
+            f"{arg(certificate.not_after):%Y-%m-%d}"
+        ),
+        msg(
+            f"  saved in {arg(acceptance.path)}; `{arg(install_command(inventory, member))}` installs it on the device"
+        ),
     ]
     return _common.tell(arguments, ExitCode.DONE, values, lines)
 
@@ -325,10 +334,10 @@ def _opener(arguments: syntax.Arguments) -> Secret:
     path = Path(key_name)
     text = _read_limited(path, "the key").decode(errors="replace")
     if path.stat().st_mode & 0o077:
-        raise UsageError(f"other users can read the key {path}", hint=f"type `chmod 600 {path}`")
+        raise UsageError(f"other users can read the key {arg(path)}", hint=f"type `chmod 600 {arg(path)}`")
     lines = [line.strip() for line in text.splitlines() if line.startswith("AGE-SECRET-KEY-")]
     if len(lines) != 1:
-        raise UsageError(f"{path} contains {len(lines)} age keys", hint="give the file created by age-keygen")
+        raise UsageError(f"{arg(path)} contains {arg(len(lines))} age keys", hint="give the file created by age-keygen")
     return Secret(lines[0])
 
 
@@ -339,9 +348,9 @@ def _read_limited(path: Path, what: str) -> bytes:
         with path.open("rb") as file:
             data = file.read(_LARGEST + 1)
     except (OSError, ValueError) as error:
-        raise UsageError(f"cannot read {what}: {path}", hint=getattr(error, "strerror", None)) from error
+        raise UsageError(f"cannot read {arg(what)}: {arg(path)}", hint=getattr(error, "strerror", None)) from error
     if len(data) > _LARGEST:
-        raise UsageError(f"{path} is too large for {what}")
+        raise UsageError(f"{arg(path)} is too large for {arg(what)}")
     return data
 
 
@@ -423,21 +432,26 @@ def _row(package: DeliveredMember) -> dict[str, Any]:
 def _lines(inventory: Inventory, package: DeliveredMember) -> Iterator[str]:
     member, certificate = package.result.member, package.result.certificate
     what = "unchanged" if package.result.already else certificate.common_name
-    yield f"{member.name}: {what}, address {member.address}, valid until {certificate.not_after:%Y-%m-%d}"
+    yield msg(
+        f"{arg(member.name)}: {arg(what)}, address {arg(member.address)}, valid until "
+        f"{arg(certificate.not_after):%Y-%m-%d}"
+    )
     yield f"  file        {package.copy or package.file}"
     if package.result.already:
-        yield f"              created earlier; if its passphrase is lost: provision vpn renew name={member.name}"
+        yield msg(
+            f"              created earlier; if its passphrase is lost: provision vpn renew name={arg(member.name)}"
+        )
         return
     if package.cover_note is not None:
-        yield f"  cover note  {package.cover_note}"
+        yield msg(f"  cover note  {arg(package.cover_note)}")
         yield "              send it with the file; it contains no secrets"
     if package.passphrase is not None:
         yield f"  passphrase  {package.passphrase.reveal()}"
         yield "              shown only once: tell it by telephone, never in the message that carries the file"
     for old_name in package.result.replaced_names:
-        yield f"  revoked     {old_name}, which was delivered earlier and never used"
+        yield msg(f"  revoked     {arg(old_name)}, which was delivered earlier and never used")
     if member.partner is None:
-        yield f"              `{install_command(inventory, member)}` installs it on the device"
+        yield msg(f"              `{arg(install_command(inventory, member))}` installs it on the device")
     else:
         yield "              the partner opens it with age and follows the enclosed README.txt"
 
@@ -461,7 +475,9 @@ def close_revoked(arguments: syntax.Arguments, revocation: RevocationResult, dep
         "already": list(revocation.already),
         **deployment.as_json(),
     }
-    lines = [f"{name}: {'unchanged' if name in revocation.already else 'revoked'}" for name in revocation.members]
+    lines = [
+        msg(f"{arg(name)}: {'unchanged' if name in revocation.already else 'revoked'}") for name in revocation.members
+    ]
     return _common.tell(arguments, deployment.exit, values, [*lines, *deployment.lines], deployment.errors)
 
 
@@ -478,8 +494,8 @@ def close_synced(
     lines = (
         []
         if taken_names is None
-        else [f"imported from the server's list: {', '.join(taken_names) or 'no member of the record'}"]
+        else [msg(f"imported from the server's list: {arg(join(', ', taken_names) or 'no member of the record')}")]
     )
     if site is not None:
-        lines.append(f"the server has a new certificate: `provision site={site}` installs it")
+        lines.append(msg(f"the server has a new certificate: `provision site={arg(site)}` installs it"))
     return _common.tell(arguments, deployment.exit, values, (*lines, *deployment.lines), deployment.errors)

@@ -17,6 +17,7 @@ from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -90,7 +91,7 @@ def _install(session: CommandSession) -> ExitCode:
     if result.exit is ExitCode.CHANGES and not arguments.flag("plan"):
         if not (arguments.flag("yes") or session.is_rehearsal):
             _show(session, result)
-            require_agreement(f"Change {host.name} now?")
+            require_agreement(msg(f"Change {arg(host.name)} now?"))
         with progress(quiet=session.as_json) as notify:
             result = install(session.inventory, host, identity, request, notify)
     if session.as_json:
@@ -99,18 +100,18 @@ def _install(session: CommandSession) -> ExitCode:
         return result.exit
     _show(session, result)
     print(f"{result.device}: {printable.below(translate(result.message), 4)}")
-    for line in filter(None, [result.hint, f"recorded as {result.run}" if result.run else None]):
+    for line in filter(None, [result.hint, msg(f"recorded as {arg(result.run)}") if result.run else None]):
         print(f"  {printable.below(translate(line), 4)}")
     return result.exit
 
 
 def _error(result: InstalledIdentity) -> dict[str, str | None]:
-    return {"message": f"{result.device}: {result.message}", "hint": result.hint}
+    return {"message": msg(f"{arg(result.device)}: {arg(result.message)}"), "hint": result.hint}
 
 
 def _show(session: CommandSession, result: InstalledIdentity) -> None:
     if not session.as_json:
-        for line in (*result.changes, *(f"note: {note}" for note in result.notes)):
+        for line in (*result.changes, *(msg(f"note: {arg(note)}") for note in result.notes)):
             print(f"  {printable.below(translate(line), 4)}", flush=True)
 
 
@@ -229,7 +230,7 @@ def _lines(status: VpnStatus, members: Sequence[Member], now: datetime) -> Itera
                 str(member.address),
                 f"{until:%Y-%m-%d}" if until is not None else "-",
                 when(last_seen),
-                f"{session.real} as {session.common_name}" if session is not None else "-",
+                msg(f"{arg(session.real)} as {arg(session.common_name)}" if session is not None else "-"),
                 status_of(member, now),
             )
         )

@@ -15,6 +15,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from atlantis_netcfg.computers.image.facts import BlockDeviceError
+from atlantis_netcfg.core.messages import arg, msg
 
 _SECTOR = 512
 """Bytes in the unit of `/sys/block/*/size`, whatever the device's own sectors are."""
@@ -77,7 +78,7 @@ class BlockDevice:
     def summary(self) -> str:
         """One-line description for people."""
         label = self.label or "without a name"
-        serial = f"serial {self.serial}" if self.serial else "without a serial"
+        serial = msg(f"serial {arg(self.serial)}" if self.serial else "without a serial")
         return f"{self.name}: {label}, {self.size / 1e9:.1f} GB, {self.bus}, {serial}"
 
 
@@ -95,7 +96,7 @@ class BlockTree:
         try:
             return self._read(place.resolve(strict=True), number)
         except (OSError, ValueError) as error:
-            raise BlockDeviceError(f"{path} is gone, or cannot be read", hint="insert the card again") from error
+            raise BlockDeviceError(f"{arg(path)} is gone, or cannot be read", hint="insert the card again") from error
 
     @staticmethod
     def _device_number(path: Path) -> str:
@@ -103,13 +104,14 @@ class BlockTree:
             status = path.stat()
         except FileNotFoundError:
             raise BlockDeviceError(
-                f"{path} does not exist", hint="`ls -l /dev/disk/by-id` lists the disks; the card may not be inserted"
+                f"{arg(path)} does not exist",
+                hint="`ls -l /dev/disk/by-id` lists the disks; the card may not be inserted",
             ) from None
         except OSError as error:
-            raise BlockDeviceError(f"{path}: {error.strerror}") from error
+            raise BlockDeviceError(f"{arg(path)}: {arg(error.strerror)}") from error
         if not stat.S_ISBLK(status.st_mode):
             raise BlockDeviceError(
-                f"{path} is not a block device",
+                f"{arg(path)} is not a block device",
                 hint="`to=` needs a disk of /dev/disk/by-id; `--image-only FILE` writes a file",
             )
         return f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
@@ -152,12 +154,16 @@ class BlockTree:
                 continue
             seen_names.add(part.name)
             for key in (_text(part / "dev"), part.name):
-                uses += [Use(part.name, f"is mounted at {at}", _is_system_mount(at)) for at in mounts.get(key, ())]
+                uses += [
+                    Use(part.name, msg(f"is mounted at {arg(at)}"), _is_system_mount(at)) for at in mounts.get(key, ())
+                ]
             if part.name in swaps:
                 uses.append(Use(part.name, "is swap space", system=True))
             rest += sorted(each.parent for each in part.glob("*/partition"))
             for holder in sorted((part / "holders").glob("*")):
-                uses.append(Use(part.name, f"is in use by {holder.name} (LVM, RAID or encryption)", system=False))
+                uses.append(
+                    Use(part.name, msg(f"is in use by {arg(holder.name)} (LVM, RAID or encryption)"), system=False)
+                )
                 rest.append(holder.resolve())
         return list(dict.fromkeys(uses))
 
@@ -219,22 +225,24 @@ _BY_ID = "name the card by its link in /dev/disk/by-id, and unmount what is on i
 def write_objections(disk: BlockDevice, image_size: int = 0) -> tuple[str, ...]:
     """Return why the disk must not be written with an image of that size in bytes; empty if it may."""
     if disk.whole:
-        return (f"{disk.name} is a partition of {disk.whole}: an image needs the whole disk",)
-    objections = [f"this computer runs from it: {use.part} {use.how}" for use in disk.uses if use.system]
+        return (msg(f"{arg(disk.name)} is a partition of {arg(disk.whole)}: an image needs the whole disk"),)
+    objections = [msg(f"this computer runs from it: {arg(use.part)} {arg(use.how)}") for use in disk.uses if use.system]
     objections += [f"{use.part} {use.how}" for use in disk.uses if not use.system]
     if disk.bus not in _CARDS:
-        objections.append(f"it is not removable (bus {disk.bus}); cards are on USB or in an SD/MMC slot")
+        objections.append(msg(f"it is not removable (bus {arg(disk.bus)}); cards are on USB or in an SD/MMC slot"))
     if disk.read_only:
         objections.append("it is write-protected")
     if disk.size == 0:
         objections.append("there is no card in the reader")
     elif disk.size > _MOST:
         objections.append(
-            f"it has {disk.size / 1000000000.0:.0f} GB, but no card of a gateway has more than "
-            f"{_MOST / 1000000000.0:.0f}"
+            msg(
+                f"it has {arg(disk.size / 1000000000.0):.0f} GB, but no card of a gateway has more than "
+                f"{arg(_MOST / 1000000000.0):.0f}"
+            )
         )
     elif disk.size < image_size:
-        objections.append(f"it has {disk.size} bytes, but the image needs {image_size}")
+        objections.append(msg(f"it has {arg(disk.size)} bytes, but the image needs {arg(image_size)}"))
     return tuple(objections)
 
 
@@ -243,7 +251,7 @@ def require_writable_disk(tree: BlockTree, path: Path, image_size: int = 0) -> B
     disk = tree.disk(path)
     if why := write_objections(disk, image_size):
         lines = "".join(f"\n  {each}" for each in why)
-        raise BlockDeviceError(f"{path} is refused, and nothing was written:{lines}", hint=_BY_ID)
+        raise BlockDeviceError(f"{arg(path)} is refused, and nothing was written:{arg(lines)}", hint=_BY_ID)
     return disk
 
 
@@ -258,9 +266,11 @@ def require_same_disk(tree: BlockTree, path: Path, expected_disk: BlockDevice, i
         ("sequence number", expected_disk.diskseq, disk.diskseq),
         ("model", expected_disk.label, disk.label),
     )
-    if changes := [f"\n  its {what} was {was} and is {became}" for what, was, became in rows if was != became]:
+    if changes := [
+        msg(f"\n  its {arg(what)} was {arg(was)} and is {arg(became)}") for what, was, became in rows if was != became
+    ]:
         raise BlockDeviceError(
-            f"{path} has changed since it was shown, and nothing was written:{''.join(changes)}",
+            f"{arg(path)} has changed since it was shown, and nothing was written:{arg(''.join(changes))}",
             hint="check which card is inserted, then run the same command again",
         )
 
@@ -270,6 +280,6 @@ def require_confirmation(disk: BlockDevice, answer: str) -> None:
     if answer.strip() != disk.proof:
         what = "serial" if disk.serial else "name and size (it has no serial)"
         raise BlockDeviceError(
-            f"`{answer.strip()}` is not the {what} of {disk.name}, and nothing was written",
-            hint=f"read it from the card or its reader; the kernel reports {disk.proof}",
+            f"`{arg(answer.strip())}` is not the {arg(what)} of {arg(disk.name)}, and nothing was written",
+            hint=f"read it from the card or its reader; the kernel reports {arg(disk.proof)}",
         )

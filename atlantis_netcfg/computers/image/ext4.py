@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.image import facts
 from atlantis_netcfg.core import processes, temporary
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -41,7 +42,9 @@ def require_tools(*names: str) -> None:
     if missing:
         tools, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
         packages = " ".join(dict.fromkeys(PROGRAMS[name] for name in missing))
-        raise facts.ImageError(f"{tools} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
+        raise facts.ImageError(
+            f"{arg(tools)} {arg(verb)} not installed on this computer", hint=f"sudo apt install {arg(packages)}"
+        )
 
 
 def tool(name: str) -> str:
@@ -83,12 +86,13 @@ class Ext4:
         process = self._run([tool("e2fsck"), "-p", self._image_at_offset])
         if unknown := re.search(r"unsupported feature\(s\): ([\w ,]*\w)", process.stdout):
             raise facts.ImageError(
-                f"the image's file system has features that e2fsprogs of this computer does not know: {unknown[1]}",
+                "the image's file system has features that e2fsprogs of this computer does not know: "
+                f"{arg(unknown[1])}",
                 hint="use a computer with a newer e2fsprogs, or an older image from the vendor",
             )
         if process.returncode not in {0, _ERRORS_FIXED}:
             raise facts.ImageError(
-                f"the image's file system is damaged: {_last_line(process.stdout)}", hint="download it again"
+                f"the image's file system is damaged: {arg(_last_line(process.stdout))}", hint="download it again"
             )
 
     def require_editable(self) -> None:
@@ -96,7 +100,8 @@ class Ext4:
         result = re.search(r"^Filesystem features:(.*)", self._query_debugfs("features"), re.MULTILINE)
         if features := sorted(_NOT_EDITED & {*(result[1].split() if result else ())}):
             raise facts.ImageError(
-                f"the image's file system has the feature `{features[0]}`, which debugfs cannot edit", hint=_OTHER_IMAGE
+                f"the image's file system has the feature `{arg(features[0])}`, which debugfs cannot edit",
+                hint=_OTHER_IMAGE,
             )
 
     def check(self) -> None:
@@ -104,7 +109,7 @@ class Ext4:
         process = self._run([tool("e2fsck"), "-fn", self._image_at_offset])
         if process.returncode:
             raise facts.ImageError(
-                f"the image's file system is damaged after customising: {_last_line(process.stdout)}"
+                f"the image's file system is damaged after customising: {arg(_last_line(process.stdout))}"
             )
 
     def status(self, path: str) -> FileStatus | None:
@@ -142,9 +147,9 @@ class Ext4:
         for path in paths:
             status = self.status(path)
             if status is not None and status.kind == "symlink":
-                to = f" to {status.target}" if re.fullmatch(r"[A-Za-z0-9._@+~/-]+", status.target) else ""
+                to = msg(f" to {arg(status.target)}" if re.fullmatch(r"[A-Za-z0-9._@+~/-]+", status.target) else "")
                 raise facts.ImageError(
-                    f"{path} of the image is a symbolic link{to}; files behind a link are not edited",
+                    f"{arg(path)} of the image is a symbolic link{arg(to)}; files behind a link are not edited",
                     hint="use an image from the vendor in which it is a file or directory",
                 )
 
@@ -173,7 +178,7 @@ class Ext4:
             return
         if there is not None:
             if there.kind == "directory":
-                raise facts.ImageError(f"the image has a directory at {path}, where a file is expected")
+                raise facts.ImageError(f"the image has a directory at {arg(path)}, where a file is expected")
             yield f"rm {path}"
         if isinstance(edit, facts.ImageFile):
             (scratch / str(number)).write_bytes(edit.content)
@@ -196,7 +201,7 @@ class Ext4:
             current = status.kind == "symlink" and status.target == edit.target
         if not current:
             raise facts.ImageError(
-                f"{edit.path} of the image could not be written: {complaint or 'the data read back differs'}",
+                f"{arg(edit.path)} of the image could not be written: {arg(complaint or 'the data read back differs')}",
                 hint="the image's file system may be full; nothing was written to a card",
             )
 
@@ -225,13 +230,13 @@ def _attributes(path: str, mode: int, owner: tuple[int, int]) -> Iterator[str]:
 
 def _safe_path(path: str) -> str:
     if not _PATH.fullmatch(path) or ".." in PurePosixPath(path).parts:
-        raise facts.ImageError(f"`{path}` cannot be the path of a file in an image")
+        raise facts.ImageError(f"`{arg(path)}` cannot be the path of a file in an image")
     return path
 
 
 def _safe_target(target: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9._@+~/-]{1,59}", target):  # 60 bytes and more are no fast link
-        raise facts.ImageError(f"`{target}` cannot be the target of a link in an image")
+        raise facts.ImageError(f"`{arg(target)}` cannot be the target of a link in an image")
     return target
 
 
@@ -310,27 +315,29 @@ def find(image: Path, layout: DiskLayout) -> FileSystemOffsets:
         fat = [number for number, at in starts.items() if _is_fat(file.seek(at) and file.read(_SECTOR))]
     root = layout.root if layout.root is not None else _only_partition(ext4)
     if root not in ext4:
-        raise _layout_error(layout, f"its partition {root} contains no ext4")
+        raise _layout_error(layout, msg(f"its partition {arg(root)} contains no ext4"))
     if layout.root_at is not None and starts[root] != layout.root_at:
-        raise _layout_error(layout, f"its partition {root} starts at byte {starts[root]}, not at {layout.root_at}")
+        raise _layout_error(
+            layout, msg(f"its partition {arg(root)} starts at byte {arg(starts[root])}, not at {arg(layout.root_at)}")
+        )
     if layout.boot is not None and layout.boot not in fat:
-        raise _layout_error(layout, f"its partition {layout.boot} contains no FAT")
+        raise _layout_error(layout, msg(f"its partition {arg(layout.boot)} contains no FAT"))
     boot = layout.boot if layout.boot is not None else next(iter(fat), None)
     return FileSystemOffsets(starts[root], None if boot is None else FatLocation(starts[boot]))
 
 
 def _layout_error(layout: DiskLayout, why: str) -> facts.ImageError:
     return facts.ImageError(
-        f"the image does not have layout `{layout.name}`: {why}",
-        hint=f"use the image of that board, or set another `layout`: {', '.join(LAYOUTS)}",
+        f"the image does not have layout `{arg(layout.name)}`: {arg(why)}",
+        hint=f"use the image of that board, or set another `layout`: {arg(join(', ', LAYOUTS))}",
     )
 
 
 def _only_partition(ext4: list[int]) -> int:
     if len(ext4) != 1:
-        finding = f"partitions {', '.join(map(str, ext4))} do" if ext4 else "none does"
+        finding = msg(f"partitions {arg(join(', ', map(str, ext4)))} do" if ext4 else "none does")
         raise facts.ImageError(
-            f"one partition of the image must hold ext4, and {finding}", hint="set the `layout` of the board"
+            f"one partition of the image must hold ext4, and {arg(finding)}", hint="set the `layout` of the board"
         )
     return ext4[0]
 

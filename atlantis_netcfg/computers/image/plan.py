@@ -23,6 +23,7 @@ from atlantis_netcfg.computers.image.facts import (
     Remove,
 )
 from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,24 +56,24 @@ def accounts(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     yield ImageFile(f"{folder}/authorized_keys", keys.encode(), 0o600, account.owner)
     yield from passwords(facts)
     if SSHD not in facts.files:
-        raise ImageError(f"the image has no {SSHD}: nobody could log in", hint="use an image with an SSH server")
+        raise ImageError(f"the image has no {arg(SSHD)}: nobody could log in", hint="use an image with an SSH server")
     if SSHD_PARTS not in facts.present:
         yield ImageDirectory(SSHD_PARTS)
     yield ImageFile(_OURS, _SSHD_TEXT.encode())
     text = facts.text(SSHD)
     first = next((line.split() for line in text.splitlines() if line.split() and not line.lstrip().startswith("#")), [])
     if first != _INCLUDE.split():
-        yield ImageFile(SSHD, f"{_INCLUDE}\n{text}".encode())
+        yield ImageFile(SSHD, msg(f"{arg(_INCLUDE)}\n{arg(text)}").encode())
 
 
 def _account(passwd: str, name: str) -> Account:
     rows = {row[0]: row for row in (line.split(":") for line in passwd.splitlines()) if len(row) == 7}  # noqa: PLR2004
     row = rows.get(name)
     if row is None:
-        people = ", ".join(item for item, row in rows.items() if row[6].endswith("sh")) or "none"
-        raise ImageError(f"the image has no account `{name}`", hint=f"set `user`: the image has {people}")
+        people = join(", ", (item for item, row in rows.items() if row[6].endswith("sh"))) or "none"
+        raise ImageError(f"the image has no account `{arg(name)}`", hint=f"set `user`: the image has {arg(people)}")
     if row[6].endswith(("nologin", "false")):
-        raise ImageError(f"account `{name}` of the image cannot log in: its shell is {row[6]}")
+        raise ImageError(f"account `{arg(name)}` of the image cannot log in: its shell is {arg(row[6])}")
     return Account(name, (int(row[2]), int(row[3])), row[5] or "/", row[6])
 
 
@@ -97,7 +98,7 @@ def passwords(facts: ImageFacts) -> Iterator[Edit]:
             row[2] = ""
     text = "".join(f"{':'.join(row)}\n" for row in rows)
     if SHADOW not in facts.files:
-        raise ImageError(f"the image has no {SHADOW}: its passwords cannot be removed")
+        raise ImageError(f"the image has no {arg(SHADOW)}: its passwords cannot be removed")
     if text != shadow:
         yield ImageFile(SHADOW, text.encode(), 0o640, (0, _group(facts, "shadow")))
     people = [line.split(":") for line in passwd.splitlines()]
@@ -305,7 +306,10 @@ def notes(facts: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
     result = []
     if f"{_ZONES}/{request.time_zone}" not in facts.present:
         result.append(
-            f"the image has no time zone data: its clock shows UTC until tzdata is installed ({request.time_zone})"
+            msg(
+                "the image has no time zone data: its clock shows UTC until tzdata is installed "
+                f"({arg(request.time_zone)})"
+            )
         )
     if _has_cloud_init(facts):
         result.append(
@@ -357,7 +361,7 @@ def _no_cloud_init(facts: ImageFacts) -> Iterator[Edit]:
     for place, text in facts.boot_words.items():
         if re.search(r"^[^#\n]*\bcloud-init=enabled\b", text, re.MULTILINE):
             raise ImageError(
-                f"{place} of the image enables cloud-init (`cloud-init=enabled`): address, accounts and host name "
+                f"{arg(place)} of the image enables cloud-init (`cloud-init=enabled`): address, accounts and host name "
                 "would be overwritten at the first start",
                 hint="use an image from the vendor without it",
             )
@@ -423,7 +427,7 @@ class Fat:
             process = self._run("mcopy", "-o", str(file), f"::{name}")
         if process.returncode or self.read(name) != content:
             why = process.stderr.decode(errors="replace").strip() or "the data read back differs"
-            raise ImageError(f"{name} could not be written to the image's FAT partition: {why}")
+            raise ImageError(f"{arg(name)} could not be written to the image's FAT partition: {arg(why)}")
 
     def _run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:
         return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
@@ -448,7 +452,7 @@ def read_facts(root: ext4.Ext4, request: ImageRequest, boot: Fat | None = None) 
     present = frozenset(path for path in paths_to_check(request) if root.exists(path))
     words = {path: root.read(path) for path in BOOT_WORDS}
     if boot is not None:
-        words |= {f"{name} on the FAT partition": boot.read(name) for name in _BOOT_FILES}
+        words |= {msg(f"{arg(name)} on the FAT partition"): boot.read(name) for name in _BOOT_FILES}
     values = {place: data.decode(errors="replace") for place, data in words.items() if data is not None}
     return ImageFacts(files, present, {path: root.names(path) for path in LISTED_FOLDERS}, values)
 

@@ -23,6 +23,7 @@ from typing import IO, TYPE_CHECKING, cast
 from xml.etree import ElementTree as ET
 
 from atlantis_netcfg.computers.image.facts import ImageError
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -62,12 +63,12 @@ def find_block_map(image: Path) -> Path | None:
 def read(path: Path) -> Bmap:
     """Parse a block map. Raises ImageError if it is damaged or not supported."""
     if path.stat().st_size > _MOST:
-        raise ImageError(f"{path}: too large for a block map", hint=_HINT)
+        raise ImageError(f"{arg(path)}: too large for a block map", hint=_HINT)
     text = path.read_bytes()
     try:
         return _parse_bmap(text)
     except (ValueError, ET.ParseError) as error:
-        raise ImageError(f"{path}: not a block map, or damaged: {error}", hint=_HINT) from error
+        raise ImageError(f"{arg(path)}: not a block map, or damaged: {arg(error)}", hint=_HINT) from error
 
 
 def _parse_bmap(text: bytes) -> Bmap:
@@ -76,7 +77,7 @@ def _parse_bmap(text: bytes) -> Bmap:
     root = ET.fromstring(text)  # noqa: S314 - bounded in size, and entities are refused above
     algorithm = (root.findtext("ChecksumType") or "sha256").strip().lower()
     if algorithm not in {"sha256", "sha512"}:
-        raise ValueError(f"unknown checksum type `{algorithm}`")
+        raise ValueError(msg(f"unknown checksum type `{arg(algorithm)}`"))
     _verify_own_checksum(text, (root.findtext("BmapFileChecksum") or "").strip(), algorithm)
     block, size = int(root.findtext("BlockSize") or ""), int(root.findtext("ImageSize") or "")
     if root.tag != "bmap" or block <= 0 or size <= 0:
@@ -91,11 +92,11 @@ def _verify_own_checksum(text: bytes, digest: str, algorithm: str) -> None:
 
 def _range(element: ET.Element, block: int, size: int) -> MappedRange:
     if not (match := re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+))?\s*", element.text or "")):
-        raise ValueError(f"`{element.text}` is not a range")
+        raise ValueError(msg(f"`{arg(element.text)}` is not a range"))
     first = int(match[1])
     last = int(match[2]) if match[2] else first
     if last < first or first * block >= size:
-        raise ValueError(f"the range {first}-{last} is not in the image")
+        raise ValueError(msg(f"the range {arg(first)}-{arg(last)} is not in the image"))
     return MappedRange(first * block, min((last + 1) * block, size), element.get("chksum") or "")
 
 
@@ -135,7 +136,7 @@ def checksum(image: Path, sum_text: str | None = None) -> Checksum | None:
     """Return the checksum given by the user or stored beside the image, None if neither. Raises ImageError."""
     if sum_text is not None:
         if not re.fullmatch(r"[0-9a-fA-F]{64}", sum_text):
-            raise ImageError(f"`{sum_text}` is not a SHA-256 (64 hex digits)", hint=f"sha256sum {image}")
+            raise ImageError(f"`{arg(sum_text)}` is not a SHA-256 (64 hex digits)", hint=f"sha256sum {arg(image)}")
         return Checksum(sum_text.lower(), "sha256=")
     for name in (f"{image.name}.sha256", f"{image.name}.sha256sum", "SHA256SUMS", "sha256sums.txt"):
         sum_file = image.with_name(name)
@@ -165,12 +166,13 @@ def expand(image: Path, copy: Path, expected_sum: Checksum | None, tell: Callabl
             size = writer.finish(image)
     except OSError as error:
         raise ImageError(
-            f"{image} cannot be unpacked to {copy.parent}: {error.strerror or error}",
+            f"{arg(image)} cannot be unpacked to {arg(copy.parent)}: {arg(error.strerror or error)}",
             hint="the unpacked image needs space there; to use another place: TMPDIR=/some/directory provision …",
         ) from error
     if expected_sum is not None and reader.hexdigest() != expected_sum.sha256:
         raise ImageError(
-            f"{image}: its SHA-256 is {reader.hexdigest()}, but {expected_sum.told_by} says {expected_sum.sha256}",
+            f"{arg(image)}: its SHA-256 is {arg(reader.hexdigest())}, but {arg(expected_sum.told_by)} says "
+            f"{arg(expected_sum.sha256)}",
             hint="the file is damaged or a different one: download it again",
         )
     told_by = expected_sum.told_by if expected_sum else ""
@@ -213,7 +215,9 @@ class _HashingReader(io.RawIOBase):
 def _unpack_image(image: Path, reader: _HashingReader, out: _Sparse) -> None:
     for magic, name, tool in _OTHERS:
         if reader.start.startswith(magic):
-            raise ImageError(f"{image} is packed with {name}", hint=f"unpack it first: {tool} {image.name}")
+            raise ImageError(
+                f"{arg(image)} is packed with {arg(name)}", hint=f"unpack it first: {arg(tool)} {arg(image.name)}"
+            )
     buffer = io.BufferedReader(reader, _CHUNK)
     plain: IO[bytes] = buffer
     if reader.start.startswith(b"\xfd7zXZ\x00"):
@@ -225,7 +229,7 @@ def _unpack_image(image: Path, reader: _HashingReader, out: _Sparse) -> None:
             out.write(chunk)
     except (EOFError, lzma.LZMAError, gzip.BadGzipFile, zlib.error) as error:
         raise ImageError(
-            f"{image} is damaged or was not downloaded completely: {error}", hint="download it again"
+            f"{arg(image)} is damaged or was not downloaded completely: {arg(error)}", hint="download it again"
         ) from error
     finally:
         while buffer.read(_CHUNK):  # what was read ahead is in the checksum already
@@ -286,7 +290,7 @@ class _Sparse:
             return
         if mapped_range.digest and self._digest.hexdigest() != mapped_range.digest:
             raise ImageError(
-                f"bytes {mapped_range.start} to {mapped_range.end} of the image do not match its block map",
+                f"bytes {arg(mapped_range.start)} to {arg(mapped_range.end)} of the image do not match its block map",
                 hint="the image or its .bmap file is damaged: download both again",
             )
         self._digest = hashlib.new(self._map.algorithm)
@@ -295,7 +299,7 @@ class _Sparse:
         """Extend the copy to its full length; return the image's length."""
         if self._map is not None and self._map.size != self._at:
             raise ImageError(
-                f"{image} has {self._at} bytes, but its block map says {self._map.size}",
+                f"{arg(image)} has {arg(self._at)} bytes, but its block map says {arg(self._map.size)}",
                 hint="the image is incomplete, or the .bmap file belongs to another one",
             )
         self._file.truncate(-(-self._at // _PADDING) * _PADDING)

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.computers.image import blocks
 from atlantis_netcfg.computers.image.facts import BlockDeviceError, CardWriteError
 from atlantis_netcfg.computers.image.source import Segment, SourceKind
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -64,8 +65,11 @@ class Progress:
     def words(self) -> str:
         """Progress line for people."""
         share = 100 * self.done_bytes // self.total if self.total else 100
-        remaining_text = "" if self.left_s is None else f", {self.left_s:.0f} s left"
-        return f"{self.step} {share} % of {self.total / 1e6:.0f} MB, {self.rate_bps / 1e6:.1f} MB/s{remaining_text}"
+        remaining_text = msg("" if self.left_s is None else f", {arg(self.left_s):.0f} s left")
+        return msg(
+            f"{arg(self.step)} {arg(share)} % of {arg(self.total / 1e6):.0f} MB, {arg(self.rate_bps / 1e6):.1f} "
+            f"MB/s{arg(remaining_text)}"
+        )
 
 
 class WriteMeter:
@@ -154,11 +158,11 @@ def _open(device: Path) -> int:
     except OSError as error:
         if error.errno == errno.EBUSY:
             raise BlockDeviceError(
-                f"{device} is in use by this computer, and nothing was written",
+                f"{arg(device)} is in use by this computer, and nothing was written",
                 hint="unmount it; another program may be writing to it",
             ) from error
         why = "only root may write to it" if error.errno in {errno.EACCES, errno.EPERM} else error.strerror
-        raise BlockDeviceError(f"{device} cannot be opened: {why}", hint="run it with sudo") from error
+        raise BlockDeviceError(f"{arg(device)} cannot be opened: {arg(why)}", hint="run it with sudo") from error
 
 
 def _check_device(card: int, device: Path, disk: blocks.BlockDevice) -> None:
@@ -166,10 +170,12 @@ def _check_device(card: int, device: Path, disk: blocks.BlockDevice) -> None:
     status = os.fstat(card)
     number = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
     if not stat.S_ISBLK(status.st_mode) or number != disk.number:
-        raise BlockDeviceError(f"{device} has changed since it was shown, and nothing was written")
+        raise BlockDeviceError(f"{arg(device)} has changed since it was shown, and nothing was written")
     (size,) = struct.unpack("Q", fcntl.ioctl(card, _BLKGETSIZE64, bytes(8)))
     if size != disk.size:
-        raise BlockDeviceError(f"{device} has {size} bytes, not the {disk.size} that were shown; nothing was written")
+        raise BlockDeviceError(
+            f"{arg(device)} has {arg(size)} bytes, not the {arg(disk.size)} that were shown; nothing was written"
+        )
 
 
 class _VerifyError(Exception):
@@ -209,7 +215,7 @@ class _CardWriter:
         if isinstance(error, KeyboardInterrupt):
             why = "it was stopped"
         elif isinstance(error, OSError):
-            why = f"the write to the card failed ({error.strerror})"
+            why = msg(f"the write to the card failed ({arg(error.strerror)})")
         try:
             self._write_chunk(0, self._head, zero=True)
             os.fsync(self._card)
@@ -218,7 +224,7 @@ class _CardWriter:
         else:
             now = "Its first block is empty, so it does not boot"
         return CardWriteError(
-            f"the card was not written completely: {why}. {now}",
+            f"the card was not written completely: {arg(why)}. {arg(now)}",
             hint="run the same command again; if it fails at the same place, use another card",
         )
 
@@ -252,7 +258,9 @@ class _CardWriter:
             for at, size in _chunks(part):
                 expected_data = _zeros(size) if part.kind is SourceKind.ZERO else self._source_data(at, size)
                 if self._read(at, size) != expected_data:
-                    raise _VerifyError(f"bytes {at} to {at + size} read back from it differ from those written")
+                    raise _VerifyError(
+                        msg(f"bytes {arg(at)} to {arg(at + size)} read back from it differ from those written")
+                    )
                 done_bytes += size
                 meter(done_bytes, total)
         self._compared += done_bytes
@@ -279,7 +287,7 @@ class _CardWriter:
         data = os.pread(self._source, size, at)
         os.posix_fadvise(self._source, at + size, _CHUNK, os.POSIX_FADV_WILLNEED)
         if len(data) != size:
-            raise _VerifyError(f"the working copy of the image ends at byte {at + len(data)}")
+            raise _VerifyError(msg(f"the working copy of the image ends at byte {arg(at + len(data))}"))
         return data
 
     def _read(self, at: int, size: int) -> bytes:
@@ -288,7 +296,7 @@ class _CardWriter:
             while offset < size:
                 got = os.preadv(self._card, [view[offset:size]], at + offset)
                 if not got:
-                    raise _VerifyError(f"the card ends at byte {at + offset}")
+                    raise _VerifyError(msg(f"the card ends at byte {arg(at + offset)}"))
                 offset += got
         return self._theirs[:size]
 

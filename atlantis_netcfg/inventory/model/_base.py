@@ -25,6 +25,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import MASK, Secret
 from atlantis_netcfg.inventory.findings import why_no_name
 
@@ -67,7 +68,8 @@ def _port(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"(ether|sfp|sfp-sfpplus|qsfpplus|combo)[0-9]+(-[0-9]+)?", text):
         raise wrong(
-            f"`{text}` is not a port of a RouterOS device", "a port has its factory name, for example ether1 or sfp1"
+            msg(f"`{arg(text)}` is not a port of a RouterOS device"),
+            "a port has its factory name, for example ether1 or sfp1",
         )
     return text
 
@@ -75,7 +77,9 @@ def _port(value: object) -> str:
 def _account(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"[a-z_][a-z0-9_-]{0,31}", text):
-        raise wrong(f"`{text}` is not a valid account name", "an account name is, for example, root or odroid")
+        raise wrong(
+            msg(f"`{arg(text)}` is not a valid account name"), "an account name is, for example, root or odroid"
+        )
     return text
 
 
@@ -101,15 +105,17 @@ def _address(value: object) -> IPv4Address:
 def _why_no_address(text: str) -> tuple[str, str]:
     like = "an address is four numbers from 0 to 255, for example 10.64.1.1"
     if "/" in text:
-        return f"`{text}` has a prefix length: a single address is expected here", text.partition("/")[0] or like
+        return msg(f"`{arg(text)}` has a prefix length: a single address is expected here"), text.partition("/")[
+            0
+        ] or like
     if ":" in text:
-        return f"`{text}` is not an IPv4 address: the address plan is IPv4 only", like
+        return msg(f"`{arg(text)}` is not an IPv4 address: the address plan is IPv4 only"), like
     if re.fullmatch(r"\d+(\.\d+){3}", text):
         if too_large := [part for part in text.split(".") if len(part) > 3 or int(part) > 255]:  # noqa: PLR2004
-            return f"`{text}` is not an IPv4 address: {too_large[0]} is more than 255", like
+            return msg(f"`{arg(text)}` is not an IPv4 address: {arg(too_large[0])} is more than 255"), like
         clean = ".".join(str(int(part)) for part in text.split("."))
-        return f"`{text}` is not an IPv4 address: one of its numbers starts with 0", clean
-    return f"`{text}` is not an IPv4 address", like
+        return msg(f"`{arg(text)}` is not an IPv4 address: one of its numbers starts with 0"), clean
+    return msg(f"`{arg(text)}` is not an IPv4 address"), like
 
 
 def _network(value: object) -> IPv4Network:
@@ -122,12 +128,12 @@ def _network(value: object) -> IPv4Network:
     except ValueError:
         raise wrong(*_why_no_network(text, address)) from None
     if not slash:
-        raise wrong(f"`{text}` has no prefix length: a network is expected here", f"{text}/24")
+        raise wrong(msg(f"`{arg(text)}` has no prefix length: a network is expected here"), f"{text}/24")
     if not re.fullmatch(r"\d{1,2}", prefix) or int(prefix) > _PREFIX_MAX:
-        raise wrong(f"`{text}`: the prefix length is a number from 0 to 32", f"{address}/24")
+        raise wrong(msg(f"`{arg(text)}`: the prefix length is a number from 0 to 32"), f"{address}/24")
     network = IPv4Network(f"{address}/{int(prefix)}", strict=False)
     if str(network.network_address) != address:
-        raise wrong(f"`{text}` is not the first address of its network", str(network))
+        raise wrong(msg(f"`{arg(text)}` is not the first address of its network"), str(network))
     return network
 
 
@@ -144,9 +150,11 @@ def _mac(value: object) -> str:
     if not re.fullmatch(r"(?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}", text):
         whole = re.fullmatch(r"[0-9A-Fa-f]{12}", pairs) and re.fullmatch(r"[0-9A-Fa-f.: -]+", text)
         right = ":".join(pairs[i : i + 2] for i in range(0, 12, 2)).upper() if whole else "02:00:5E:00:01:10"
-        raise wrong(f"`{text}` is not a MAC address", f'write six pairs of hex digits: "{right}"')
+        raise wrong(msg(f"`{arg(text)}` is not a MAC address"), msg(f'write six pairs of hex digits: "{arg(right)}"'))
     if int(text[:2], 16) & 1:
-        raise wrong(f"`{text}` is a multicast MAC address", "read it from the device: its second digit is even")
+        raise wrong(
+            msg(f"`{arg(text)}` is a multicast MAC address"), "read it from the device: its second digit is even"
+        )
     return text.upper()
 
 
@@ -161,14 +169,14 @@ def _dns_name(value: object) -> str:
     text = plain(value)
     label = r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
     if not re.fullmatch(rf"{label}(?:\.{label})*", text) or len(text) > 253:  # noqa: PLR2004 - RFC 1035, 2.3.4
-        raise wrong(f"`{text}` is not a DNS name", "example of a DNS name: vpn.example.org")
+        raise wrong(msg(f"`{arg(text)}` is not a DNS name"), "example of a DNS name: vpn.example.org")
     return text
 
 
 def _sha256(value: object) -> str:
     text = plain(value).lower()
     if not re.fullmatch(r"[0-9a-f]{64}", text):
-        raise wrong(f"`{text}` is not a SHA-256 (64 hex digits)", "copy the output of `sha256sum FILE`")
+        raise wrong(msg(f"`{arg(text)}` is not a SHA-256 (64 hex digits)"), "copy the output of `sha256sum FILE`")
     return text
 
 
@@ -176,7 +184,7 @@ def _fingerprint(value: object) -> str:
     text = plain(value).replace(":", "").lower()
     if not re.fullmatch(r"[0-9a-f]{64}", text):
         raise wrong(
-            f"`{value}` is not a certificate fingerprint (SHA-256, 64 hex digits)",
+            msg(f"`{arg(value)}` is not a certificate fingerprint (SHA-256, 64 hex digits)"),
             "copy `fingerprint` of  /certificate print detail  on the device",
         )
     return text
@@ -186,7 +194,8 @@ def _host_key(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"SHA256:[A-Za-z0-9+/]{43}", text):
         raise wrong(
-            f"`{text}` is not the fingerprint of an SSH host key", "copy the output of `ssh-keygen -l`: SHA256:…"
+            msg(f"`{arg(text)}` is not the fingerprint of an SSH host key"),
+            "copy the output of `ssh-keygen -l`: SHA256:…",
         )
     return text
 
@@ -197,21 +206,24 @@ def _day(value: object) -> str:
         return date.fromisoformat(text).isoformat()
     except ValueError:
         raise wrong(
-            f"`{text}` is not a date", 'write year, month and day in quotes, for example "2026-11-21"'
+            msg(f"`{arg(text)}` is not a date"), 'write year, month and day in quotes, for example "2026-11-21"'
         ) from None
 
 
 def _currency(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"[A-Z]{3}", text):
-        raise wrong(f"`{text}` is not a currency", "write three capital letters, for example EUR (ISO 4217)")
+        raise wrong(msg(f"`{arg(text)}` is not a currency"), "write three capital letters, for example EUR (ISO 4217)")
     return text
 
 
 def _ssid(value: object) -> str:
     text = plain(value)
     if not text or len(text.encode()) > _SSID_BYTES:
-        raise wrong(f"an SSID has 1 to {_SSID_BYTES} bytes, this one has {len(text.encode())}", "choose a shorter one")
+        raise wrong(
+            msg(f"an SSID has 1 to {arg(_SSID_BYTES)} bytes, this one has {arg(len(text.encode()))}"),
+            "choose a shorter one",
+        )
     return text
 
 

@@ -12,6 +12,7 @@ from typing import Annotated, Self
 from pydantic import BeforeValidator, Field, StrictFloat, StrictInt, model_validator
 
 from atlantis_netcfg.core import reading_programs
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.endpoints import SeenFrom
 
@@ -58,11 +59,13 @@ def _reading(value: object) -> str:
         first = text.partition(" ")[0]
         if first in reading_programs.names():
             raise _base.wrong(
-                f"`{text}` is not a form of `{first}` that the checklist can run", "docs/checklist.md lists the forms"
+                msg(f"`{arg(text)}` is not a form of `{arg(first)}` that the checklist can run"),
+                "docs/checklist.md lists the forms",
             )
-        programs = ", ".join(reading_programs.names())
+        programs = join(", ", reading_programs.names())
         raise _base.wrong(
-            f"the checklist may not run `{text}`", f"it runs only programs that read: {programs} (docs/checklist.md)"
+            msg(f"the checklist may not run `{arg(text)}`"),
+            msg(f"it runs only programs that read: {arg(programs)} (docs/checklist.md)"),
         )
     return text
 
@@ -112,13 +115,16 @@ class CheckItem(_base.Model):
         others = [name for name in names if getattr(self, name) != fields[name].default]
         if others:
             raise _base.wrong(
-                f"`{self.id}` is of kind {self.kind}, but has `{others[0]}`",
-                f"remove `{others[0]}:`, or correct `kind:`",
+                msg(f"`{arg(self.id)}` is of kind {arg(self.kind)}, but has `{arg(others[0])}`"),
+                msg(f"remove `{arg(others[0])}:`, or correct `kind:`"),
             )
         required_names = ("look_for",) if person else ("command", "expect")
         for name in required_names:
             if getattr(self, name) is None:
-                raise _base.wrong(f"`{self.id}` is of kind {self.kind}, but has no `{name}`", f"add `{name}:`")
+                raise _base.wrong(
+                    msg(f"`{arg(self.id)}` is of kind {arg(self.kind)}, but has no `{arg(name)}`"),
+                    msg(f"add `{arg(name)}:`"),
+                )
         return self
 
     @model_validator(mode="after")
@@ -127,16 +133,21 @@ class CheckItem(_base.Model):
         number_fields = [name for name in ("unit", "min", "max") if getattr(self, name) is not None]
         if number_fields and not number:
             raise _base.wrong(
-                f"`{self.id}` has `{number_fields[0]}`, but asks for no number",
+                msg(f"`{arg(self.id)}` has `{arg(number_fields[0])}`, but asks for no number"),
                 "write `evidence: number`, or remove it",
             )
         if number and self.unit is None:
-            raise _base.wrong(f"`{self.id}` asks for a number, but has no `unit`", "add `unit:`, for example V or bar")
+            raise _base.wrong(
+                msg(f"`{arg(self.id)}` asks for a number, but has no `unit`"), "add `unit:`, for example V or bar"
+            )
         if number and self.min is None and self.max is None:
-            raise _base.wrong(f"`{self.id}` asks for a number, but has no limits", "add `min:` or `max:`, or both")
+            raise _base.wrong(
+                msg(f"`{arg(self.id)}` asks for a number, but has no limits"), "add `min:` or `max:`, or both"
+            )
         if self.min is not None and self.max is not None and self.min > self.max:
             raise _base.wrong(
-                f"`min: {self.min:g}` of `{self.id}` is above `max: {self.max:g}`", "set `min` to the smaller number"
+                msg(f"`min: {arg(self.min):g}` of `{arg(self.id)}` is above `max: {arg(self.max):g}`"),
+                "set `min` to the smaller number",
             )
         return self
 
@@ -151,7 +162,8 @@ class SiteCheckItem(CheckItem):
     def _require_vehicle(self) -> Self:
         if self.phase is Phase.INTEGRATION and self.vehicle is None:
             raise _base.wrong(
-                f"`{self.id}` has `phase: integration`, but no vehicle", "add `vehicle:`: a record is for one robot"
+                msg(f"`{arg(self.id)}` has `phase: integration`, but no vehicle"),
+                "add `vehicle:`: a record is for one robot",
             )
         return self
 

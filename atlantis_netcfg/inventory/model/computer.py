@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StrictBool, StrictInt
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.services import HostedService, Recording, Ros1Bridge  # noqa: TC001 - pydantic reads them
 
@@ -57,7 +58,8 @@ def _interface(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"[a-z][a-z0-9]{0,14}", text):
         raise _base.wrong(
-            f"`{text}` is not the name of a network interface", "`ip link` on the board shows it, for example eth0"
+            msg(f"`{arg(text)}` is not the name of a network interface"),
+            "`ip link` on the board shows it, for example eth0",
         )
     return text
 
@@ -65,7 +67,9 @@ def _interface(value: object) -> str:
 def _receiver(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,31}", text):
-        raise _base.wrong(f"`{text}` is not the name of a receiver", "use a name below /dev, for example ttyACM0")
+        raise _base.wrong(
+            msg(f"`{arg(text)}` is not the name of a receiver"), "use a name below /dev, for example ttyACM0"
+        )
     return text
 
 
@@ -74,7 +78,7 @@ def _network_file(value: object) -> str:
     place = r"/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+"
     if ".." in text or not re.fullmatch(place, text):
         hint = "write its full path, for example /etc/netplan/50-cloud-init.yaml"
-        raise _base.wrong(f"`{text}` is not a network configuration file", hint)
+        raise _base.wrong(msg(f"`{arg(text)}` is not a network configuration file"), hint)
     return text
 
 

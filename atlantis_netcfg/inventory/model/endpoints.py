@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt, model_validator
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.computer import Interface
 
@@ -82,7 +83,9 @@ class WifiEndpoint(_EndpointModel):
     @model_validator(mode="after")
     def _check_bounds(self) -> Self:
         if self.low_dbm >= self.high_dbm:
-            raise _base.wrong(f"`low_dbm: {self.low_dbm:g}` is not below `high_dbm: {self.high_dbm:g}`", "-75 and -35")
+            raise _base.wrong(
+                msg(f"`low_dbm: {arg(self.low_dbm):g}` is not below `high_dbm: {arg(self.high_dbm):g}`"), "-75 and -35"
+            )
         return self
 
 

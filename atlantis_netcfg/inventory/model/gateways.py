@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, Field, StrictInt
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import _base
 
 
@@ -16,7 +17,7 @@ def _package(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"[a-z0-9][a-z0-9+.-]+", text):
         raise _base.wrong(
-            f"`{text}` is not a package name", "use lower-case letters, digits, + - . (Debian Policy 5.6.1)"
+            msg(f"`{arg(text)}` is not a package name"), "use lower-case letters, digits, + - . (Debian Policy 5.6.1)"
         )
     return text
 
@@ -24,14 +25,16 @@ def _package(value: object) -> str:
 def _version(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"[0-9][A-Za-z0-9.+~:-]*\*?", text):
-        raise _base.wrong(f"`{text}` is not a package version", 'write it in quotes, as apt prints it: "0.9.2-1*"')
+        raise _base.wrong(
+            msg(f"`{arg(text)}` is not a package version"), 'write it in quotes, as apt prints it: "0.9.2-1*"'
+        )
     return text
 
 
 def _revision(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._/-]{0,99}", text) or ".." in text or text.endswith((".lock", "/")):
-        raise _base.wrong(f"`{text}` is not a revision", "use a tag, or a commit of 40 hex digits")
+        raise _base.wrong(msg(f"`{arg(text)}` is not a revision"), "use a tag, or a commit of 40 hex digits")
     return text
 
 
@@ -40,7 +43,7 @@ def _url(value: object) -> str:
     parts = urlsplit(text)
     like = "example of an address: https://gitlab.example.org/group/project.git"
     if parts.scheme not in ("https", "http") or not parts.hostname or not re.fullmatch(r"[!-~]+", text):
-        raise _base.wrong(f"`{text}` is not the address of a server", like)
+        raise _base.wrong(msg(f"`{arg(text)}` is not the address of a server"), like)
     if parts.username is not None or parts.password is not None:
         raise _base.wrong("this address contains a name or password", "remove it; a token has its own key: `token:`")
     return text
@@ -49,7 +52,9 @@ def _url(value: object) -> str:
 def _inside(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._/-]*", text) or ".." in text:
-        raise _base.wrong(f"`{text}` is not a path inside the build", "example of a path: config/robot-config.yml")
+        raise _base.wrong(
+            msg(f"`{arg(text)}` is not a path inside the build"), "example of a path: config/robot-config.yml"
+        )
     return text
 
 

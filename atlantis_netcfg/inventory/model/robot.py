@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, StrictBool
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.robots import ros_names
@@ -43,7 +44,7 @@ def _video_link(value: object) -> str:
     except ValueError:
         raise _base.wrong("this is not a link to a video stream", like) from None
     if parts.scheme not in _SCHEMES:
-        raise _base.wrong(f"the link to a video stream starts with one of {', '.join(_SCHEMES)}", like)
+        raise _base.wrong(msg(f"the link to a video stream starts with one of {arg(join(', ', _SCHEMES))}"), like)
     if not parts.hostname or re.search(r"\s", text):
         raise _base.wrong("this link names no computer", like)
     if parts.password is not None:

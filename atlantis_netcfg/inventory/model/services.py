@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BeforeValidator, Field, StrictInt
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import _base
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def _command(value: object) -> str:
     text = _base.plain(value)
     if not re.fullmatch(r"/[!-~]+( +[!-~]+)*", text) or any(sign in text for sign in "%$\\'\"`"):
         raise _base.wrong(
-            f"`{text}` is not a command",
+            msg(f"`{arg(text)}` is not a command"),
             "write the full path of the program and its arguments, for example /opt/backend/run --port 8443",
         )
     return text
@@ -49,7 +50,8 @@ def _master(value: object) -> str:
         IPv4Address(match[1] if match else "")
     except ValueError:
         raise _base.wrong(
-            f"`{text}` is not a ROS 1 master", "write its address and port, for example http://192.0.2.10:11311"
+            msg(f"`{arg(text)}` is not a ROS 1 master"),
+            "write its address and port, for example http://192.0.2.10:11311",
         ) from None
     return text.rstrip("/")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt, model_validator
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.findings import why_no_name
 from atlantis_netcfg.inventory.model._base import Model, wrong
@@ -24,7 +25,7 @@ def _room(longest: int) -> Callable[[IPv4Network], IPv4Network]:
 
     def check(network: IPv4Network) -> IPv4Network:
         if network.prefixlen > longest:
-            raise wrong(f"{network} is too small here", f"use a network of /{longest} or larger")
+            raise wrong(msg(f"{arg(network)} is too small here"), msg(f"use a network of /{arg(longest)} or larger"))
         return network
 
     return check
@@ -62,9 +63,9 @@ def _distinct(partners: tuple[str, ...]) -> tuple[str, ...]:
     names = [partner_row(text)[0] for text in partners]
     for text, name in zip(partners, names, strict=True):
         if why_no_name(name) is not None:
-            raise wrong(f"no partner can be named `{text}`", "a name has letters or digits")
+            raise wrong(msg(f"no partner can be named `{arg(text)}`"), "a name has letters or digits")
         if names.count(name) > 1:
-            raise wrong(f"two partners have the name `{name}`", "name each partner once")
+            raise wrong(msg(f"two partners have the name `{arg(name)}`"), "name each partner once")
     return partners
 
 
@@ -218,6 +219,6 @@ class InventoryAnswers(Model):
     @model_validator(mode="after")
     def _check_names(self) -> Self:
         if self.control_centre.name in self.sites:
-            message = f"`{self.control_centre.name}` is the name of both the control centre and a site"
+            message = msg(f"`{arg(self.control_centre.name)}` is the name of both the control centre and a site")
             raise wrong(message, "give one of them another name")
         return self

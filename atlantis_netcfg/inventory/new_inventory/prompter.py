@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -117,6 +118,6 @@ class Prompter:
 
 def _require_text(text: str) -> None:
     if len(text) > _LONGEST:
-        raise InvalidAnswer(f"An answer has at most {_LONGEST} characters.")
+        raise InvalidAnswer(msg(f"An answer has at most {arg(_LONGEST)} characters."))
     if not text.isprintable() or "\ufffd" in text:  # which stands for bytes that are no text
         raise InvalidAnswer("The answer contains unprintable characters: type it again.")

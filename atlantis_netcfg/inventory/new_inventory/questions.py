@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ValidationError
 
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import _schema
 from atlantis_netcfg.inventory._yaml import Node
 from atlantis_netcfg.inventory.findings import Mark, why_no_name
@@ -55,7 +56,9 @@ class Question:
     """Whether only a person who wants all questions is asked."""
 
 
-_PARTNERS_NOTE = f"Of the report: {', '.join(f'{n} {name}' for n, name in enumerate(PARTNERS, 1))}; any name."
+_PARTNERS_NOTE = msg(
+    f"Of the report: {arg(join(', ', (f'{n} {name}' for n, name in enumerate(PARTNERS, 1))))}; any name."
+)
 
 _RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)", is_detail=True)
 _PROBE_TARGETS = Question(
@@ -151,7 +154,7 @@ class Interview:
         sites = {}
         self._start("The test sites")
         for site in self.names("Short names of the test sites, comma-separated", "", other=centre["name"]):
-            self._start(f"The test site {site}")
+            self._start(msg(f"The test site {arg(site)}"))
             sites[site] = self.site()
         return {"pilot": pilot, "vpn": vpn, "control_centre": centre, "sites": sites}
 
@@ -187,7 +190,7 @@ class Interview:
                 raise InvalidAnswer("Type yes or no.")
             return word in YES
 
-        return self.prompter.answer(f"{self.block_name}: {text}", f"{text} (yes/no)", default, parse)
+        return self.prompter.answer(msg(f"{arg(self.block_name)}: {arg(text)}"), f"{text} (yes/no)", default, parse)
 
     def names(self, text: str, default: str, other: str = "") -> list[str]:
         """Ask for one or more distinct names."""
@@ -198,14 +201,14 @@ class Interview:
             if default and len(names) > 1:
                 problems.append("Type one name.")
             if len(names) > MOST_SITES:
-                problems.append(f"At most {MOST_SITES} sites are possible.")
+                problems.append(msg(f"At most {arg(MOST_SITES)} sites are possible."))
             if not names or len(set(names)) < len(names) or other in names:
                 problems.append("Type one name for each, all different.")
             if problems:
                 raise InvalidAnswer(problems[0])
             return names
 
-        return self.prompter.answer(f"{self.block_name}: {text}", text, default, parse)
+        return self.prompter.answer(msg(f"{arg(self.block_name)}: {arg(text)}"), text, default, parse)
 
     def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
         """Ask the questions about one block and return the answers by key; unanswered questions are left out."""
@@ -224,7 +227,7 @@ class Interview:
                 raise InvalidAnswer(problem)
             return value
 
-        key = f"{self.block_name}: {model.__name__}.{question.key}"
+        key = msg(f"{arg(self.block_name)}: {arg(model.__name__)}.{arg(question.key)}")
         return self.prompter.answer(key, question.text, question.without, parse, question.note)
 
 
@@ -258,7 +261,7 @@ def _partner_names(text: str) -> list[str]:
         is_known = all(word in short_names or word.isdecimal() for word in words)
         for word in words if is_known else [part]:
             if word.isdecimal() and word not in map(str, range(1, len(short_names) + 1)):
-                raise InvalidAnswer(f"Unknown partner {word}: type 1 to {len(short_names)}, or a name.")
+                raise InvalidAnswer(msg(f"Unknown partner {arg(word)}: type 1 to {arg(len(short_names))}, or a name."))
             names.append(short_names[int(word) - 1] if word.isdecimal() else word)
     return names
 
@@ -279,9 +282,13 @@ def parse_number(text: str, *, has_fraction: bool = True) -> int | float | str:
         separators = re.findall(r"[^0-9]", text)
         if has_fraction and separators in ([","], ["."]):
             whole, fraction = f"{groups[0]}{last}", f"{groups[0]}.{last}0"
-            raise InvalidAnswer(f"`{text}` can mean {whole} or {fraction[:-1]}: type {whole} or {fraction}")
+            raise InvalidAnswer(
+                msg(
+                    f"`{arg(text)}` can mean {arg(whole)} or {arg(fraction[:-1])}: type {arg(whole)} or {arg(fraction)}"
+                )
+            )
         number = "".join([*groups, "." if len(set(separators)) > 1 else "", last])
-        raise InvalidAnswer(f"`{text}` has a thousands separator: type {number}")
+        raise InvalidAnswer(msg(f"`{arg(text)}` has a thousands separator: type {arg(number)}"))
     if not _NUMBER.fullmatch(text):
         return text
     return int(text) if text.lstrip("-").isdigit() else float(text.replace(",", "."))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.atomic_files import draft_of
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.inventory import json_schema
 from atlantis_netcfg.inventory.findings import InventoryInvalid
 from atlantis_netcfg.inventory.loader import load
@@ -27,11 +28,11 @@ def refuse_used(folder: Path) -> None:
     another = "name a folder that does not exist yet"
     if folder.is_dir():
         if any(folder.iterdir()):
-            raise UsageError(f"{folder} is not empty, so nothing was written", hint=another)
+            raise UsageError(f"{arg(folder)} is not empty, so nothing was written", hint=another)
     elif folder.exists() or folder.is_symlink():
-        raise UsageError(f"{folder} is not a folder", hint=another)
+        raise UsageError(f"{arg(folder)} is not a folder", hint=another)
     elif not folder.absolute().parent.is_dir():
-        raise UsageError(f"the folder above {folder} does not exist", hint=f"mkdir -p {folder.parent}")
+        raise UsageError(f"the folder above {arg(folder)} does not exist", hint=f"mkdir -p {arg(folder.parent)}")
 
 
 def create(folder: Path, files: Mapping[str, str]) -> Inventory:
@@ -50,7 +51,7 @@ def create(folder: Path, files: Mapping[str, str]) -> Inventory:
         scratch.rename(target)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise UsageError(f"{folder} cannot be written: {reason}", hint="name another folder") from error
+        raise UsageError(f"{arg(folder)} cannot be written: {arg(reason)}", hint="name another folder") from error
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return load(folder)

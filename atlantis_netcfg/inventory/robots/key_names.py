@@ -16,6 +16,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory._schema import item_of, model_of
 from atlantis_netcfg.inventory.findings import Finding, shown_key, suggest
 from atlantis_netcfg.inventory.model.robot import RobotFile
@@ -74,8 +75,10 @@ class KeyNames:
                 below = keys.pop(key)
                 inner = model_of(item_of(info.annotation) or info.annotation)
                 if name in keys:
-                    hint = f"keep `{key}`: robots/keys.yml uses this name"
-                    clashes.append(Finding.at(keys.pop(name).place, f"`{key}` and `{name}` are both here", hint))
+                    hint = msg(f"keep `{arg(key)}`: robots/keys.yml uses this name")
+                    clashes.append(
+                        Finding.at(keys.pop(name).place, msg(f"`{arg(key)}` and `{arg(name)}` are both here"), hint)
+                    )
                 ours[name] = below if inner is None else self._rename(below, inner, (*path, name), clashes)
         return replace(node, value={**ours, **keys})  # what is left is unknown to the model, which says so
 
@@ -83,7 +86,7 @@ class KeyNames:
 def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
     """Parse `robots/keys.yml`; return the key names and the findings."""
     findings = [
-        Finding.at(below.place, f"unknown key `{shown_key(key)}`", suggest(key, _OURS, none=""))
+        Finding.at(below.place, msg(f"unknown key `{arg(shown_key(key))}`"), suggest(key, _OURS, none=""))
         for key, below in node.keys.items()
         if key not in _OURS
     ]
@@ -93,12 +96,14 @@ def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
         findings.append(Finding.at(keys.place, "`keys` needs a block of keys", "write `our_key: their_key` below it"))
     for ours, theirs in (keys.keys if keys is not None else {}).items():
         if ours not in known_keys:
-            message = f"a robot's file has no key `{shown_key(ours)}`: our keys are on the left"
+            message = msg(f"a robot's file has no key `{arg(shown_key(ours))}`: our keys are on the left")
             findings.append(Finding.at(theirs.place, message, suggest(ours, sorted(known_keys), none="")))
         elif not (isinstance(theirs.value, str) and re.fullmatch(KEY, theirs.value)):
             findings.append(
                 Finding.at(
-                    theirs.mark, f"`{theirs.text}` is not a key of a file", "write it as in this example: executor"
+                    theirs.mark,
+                    msg(f"`{arg(theirs.text)}` is not a key of a file"),
+                    "write it as in this example: executor",
                 )
             )
         else:
@@ -118,7 +123,7 @@ def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
 
 
 def _explain_relative_name(name: str) -> tuple[str, str] | None:
-    return None if name.startswith("/") else (f"`{name}` is in no namespace: all robots share it", f"/{name}")
+    return None if name.startswith("/") else (msg(f"`{arg(name)}` is in no namespace: all robots share it"), f"/{name}")
 
 
 def key_paths(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[str]:

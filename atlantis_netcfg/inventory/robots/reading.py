@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NoMatchError, UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _yaml, loader
 from atlantis_netcfg.inventory.examples import examples_in
 from atlantis_netcfg.inventory.findings import Finding, InventoryInvalid, Mark, choices, suggest
@@ -153,7 +154,7 @@ def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSourc
         there = first.setdefault(source.robot.name, source) if source.robot is not None else source
         if there is not source:
             mark = there.mark(("namespace",))
-            message = f"another robot has this namespace: {mark.file}:{mark.line}"
+            message = msg(f"another robot has this namespace: {arg(mark.file)}:{arg(mark.line)}")
             finding = source.wrong(("namespace",), message, "give each robot its own namespace")
             source = replace(source, findings=(*source.findings, finding))  # noqa: PLW2901 - the same with its error
         result.append(source)
@@ -167,7 +168,9 @@ def _parse(path: Path) -> tuple[_yaml.Node | None, int, list[Finding]]:
         data = loader.content(path)
     except OSError as error:
         reason = (error.strerror or "no reason given").lower()
-        raise NoMatchError(f"{file_name} cannot be read: {reason}", hint=f"check it: ls -ld {file_name}") from None
+        raise NoMatchError(
+            f"{arg(file_name)} cannot be read: {arg(reason)}", hint=f"check it: ls -ld {arg(file_name)}"
+        ) from None
     if len(data) > loader.LARGEST:
         hint = "a robot publishes its configuration every second: remove what the control centre does not read"
         return None, len(data), [Finding.at(Mark(file_name, 1, 1), "the file is larger than 1 MB", hint)]
@@ -181,12 +184,12 @@ def _read(path: Path, inventory: Inventory, names: KeyNames, vehicle: str | None
     start = Mark(loader.shown_path(path), 1, 1)
     if vehicle is not None and vehicle not in inventory.vehicles:
         findings.append(
-            Finding.at(start, f"no such vehicle: `{vehicle}`", suggest(vehicle, inventory.vehicles, none=""))
+            Finding.at(start, msg(f"no such vehicle: `{arg(vehicle)}`"), suggest(vehicle, inventory.vehicles, none=""))
         )
     if root is not None and not isinstance(root.value, dict):
         findings.append(Finding.at(root.mark, "a robot's file contains keys, each with a value", "write `key: value`"))
     elif root is None and not findings:
-        hint = f"write `{names.key_of(('namespace',))}:` and the other keys"
+        hint = msg(f"write `{arg(names.key_of(('namespace',)))}:` and the other keys")
         findings.append(Finding.at(start, "the file is empty", hint))
     if root is None or not isinstance(root.value, dict):
         return RobotSource(path, _yaml.Node(start, None), size, vehicle, None, names.key_of, tuple(sorted(findings)))
@@ -212,7 +215,11 @@ def require_one_alternative(source: RobotSource, robot: RobotFile, _: Inventory)
         if (name is None) is not flag:
             first, second = (source.label((block, word)) for word in (key, other))
             whose = source.label((block,))
-            message = f"{whose} has both {first} and {second}" if flag else f"{whose} has neither {first} nor {second}"
+            message = msg(
+                f"{arg(whose)} has both {arg(first)} and {arg(second)}"
+                if flag
+                else f"{arg(whose)} has neither {arg(first)} nor {arg(second)}"
+            )
             yield source.wrong((block,), message, "write one of them")
 
 
@@ -228,7 +235,9 @@ def names_once(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[
     for sort, name, path in rows:
         there = first_paths.setdefault((sort, name), path)
         if there is not path:
-            message = f"the {sort} `{name}` is already in this file, in line {source.mark(there).line}"
+            message = msg(
+                f"the {arg(sort)} `{arg(name)}` is already in this file, in line {arg(source.mark(there).line)}"
+            )
             yield source.wrong(path, message, "remove one, or give each its own")
 
 
@@ -241,12 +250,16 @@ def conditions(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[
             continue
         path = ("commands", kind.value, index, "condition", "topic")
         key = source.label(("telemetry", "booleans"))
-        message = f"a condition needs a topic of {key}, but `{name}` is not there"
+        message = msg(f"a condition needs a topic of {arg(key)}, but `{arg(name)}` is not there")
         if name in full:
             there = source.label(("telemetry", full[name].value))
-            message = f"a condition needs a topic of {key}, but `{name}` is under {there}"
-        none = f"put it under {key}"
-        hint = f"available: {choices(booleans)}" if name in full and booleans else suggest(name, booleans, none=none)
+            message = msg(f"a condition needs a topic of {arg(key)}, but `{arg(name)}` is under {arg(there)}")
+        none = msg(f"put it under {arg(key)}")
+        hint = (
+            msg(f"available: {arg(choices(booleans))}")
+            if name in full and booleans
+            else suggest(name, booleans, none=none)
+        )
         yield source.wrong(path, message, hint)
 
 
@@ -255,18 +268,18 @@ def token_is_vaulted(source: RobotSource, robot: RobotFile, inventory: Inventory
     key = source.key_of(("token",))
     if not isinstance(robot.token, _yaml.SealedSecret) and not robot.token.is_example:
         hint = f"ansible-vault encrypt_string --stdin-name {key}"
-        yield source.wrong(("token",), f"`{key}` is in clear text", hint)
+        yield source.wrong(("token",), msg(f"`{arg(key)}` is in clear text"), hint)
     if not inventory.pilot.example_values:
         for example in examples_in([source.node]):
             mark = Mark(example.file, example.line, example.column)
-            message = f"`{example.key}` is still an example, but `example_values` of the pilot is false"
+            message = msg(f"`{arg(example.key)}` is still an example, but `example_values` of the pilot is false")
             yield Finding.at(mark, message, "write the real value, and delete the mark `# EXAMPLE`")
 
 
 def token_is_real(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[Finding]:
     """Report a token that is still the example value."""
     if not isinstance(robot.token, _yaml.SealedSecret) and robot.token.is_example:
-        message = f"{source.label(('token',))} is still an example"
+        message = msg(f"{arg(source.label(('token',)))} is still an example")
         yield source.wrong(("token",), message, "write the token that the control centre expects of this robot")
 
 
@@ -275,7 +288,7 @@ def file_is_private(source: RobotSource, robot: RobotFile) -> Iterator[Finding]:
     if isinstance(robot.token, _yaml.SealedSecret) or robot.token.is_example:
         return
     if source.file.stat().st_mode & _MINE_ALONE:
-        message = f"other users of this computer can read {source.label(('token',))}"
+        message = msg(f"other users of this computer can read {arg(source.label(('token',)))}")
         yield source.wrong(("token",), message, f"chmod 600 {loader.shown_path(source.file)}")
 
 
@@ -284,7 +297,7 @@ def units(source: RobotSource, robot: RobotFile, _: Inventory) -> Iterator[Findi
     for index, topic in enumerate(robot.telemetry.numbers):
         if topic.unit is None:
             path = ("telemetry", "numbers", index)
-            message = f"the number `{topic.topic}` has no {source.label((*path, 'unit'))}"
+            message = msg(f"the number `{arg(topic.topic)}` has no {arg(source.label((*path, 'unit')))}")
             yield source.wrong((*path, "topic"), message, "write it, or 1 for a number without a unit")
 
 
@@ -294,7 +307,9 @@ def costs_are_of_topics(source: RobotSource, robot: RobotFile, inventory: Invent
     topic_names = [topic.name for topic in robot.topics()]
     for item in vehicle.telemetry if vehicle is not None else ():
         if robot.full_name(item.topic) not in topic_names:
-            message = f"`telemetry:` of the vehicle {source.vehicle} has `{item.topic}`, this file does not"
+            message = msg(
+                f"`telemetry:` of the vehicle {arg(source.vehicle)} has `{arg(item.topic)}`, this file does not"
+            )
             hint = suggest(robot.full_name(item.topic), topic_names, none="correct one of the two")
             yield source.wrong(("telemetry",), message, hint)
 

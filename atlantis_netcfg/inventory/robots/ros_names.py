@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from atlantis_netcfg.core.messages import arg, msg
+
 _LONGEST = 200
 """Maximum length. DDS allows 255; an action's five topics add up to 30 (`rr/…/_action/cancel_goalReply`)."""
 
@@ -15,12 +17,12 @@ def why_no_name(text: str) -> tuple[str, str] | None:
     """
     like = "examples of a name: /sparus/pose, or pose for one in the robot's namespace"
     if len(text) > _LONGEST:
-        return f"this name has {len(text)} characters: the maximum is {_LONGEST}", "choose a shorter one"
+        return msg(f"this name has {arg(len(text))} characters: the maximum is {arg(_LONGEST)}"), "choose a shorter one"
     if text.startswith("~"):
-        return f"`{text}` depends on a node name, which is unknown outside the robot", like
+        return msg(f"`{arg(text)}` depends on a node name, which is unknown outside the robot"), like
     if odd := re.search(r"[^A-Za-z0-9_/]", text):
         near = re.sub(r"/{2,}", "/", re.sub(r"[^A-Za-z0-9_/]+", "_", text))
-        return f"`{text}` is not a ROS name: `{odd[0]}` is not a letter, digit, `_` or `/`", near
+        return msg(f"`{arg(text)}` is not a ROS name: `{arg(odd[0])}` is not a letter, digit, `_` or `/`"), near
     parts = text.removeprefix("/").split("/")
     why, near = "", like
     if "" in parts:
@@ -28,8 +30,8 @@ def why_no_name(text: str) -> tuple[str, str] | None:
     elif "__" in text:
         why, near = "there are two `_` in a row", re.sub("_{2,}", "_", text)
     elif digit := next((part for part in parts if part[0].isdigit()), ""):
-        why = f"`{digit}` starts with a digit"
-    return (f"`{text}` is not a ROS name: {why}", near) if why else None
+        why = msg(f"`{arg(digit)}` starts with a digit")
+    return (msg(f"`{arg(text)}` is not a ROS name: {arg(why)}"), near) if why else None
 
 
 def resolve(name: str, namespace: str) -> str:
@@ -43,4 +45,4 @@ def why_no_type(text: str) -> tuple[str, str] | None:
         return None
     short = re.fullmatch(r"([a-z][a-z0-9_]*)/([A-Z][A-Za-z0-9]*)", text)
     near = f"{short[1]}/msg/{short[2]}" if short else "example of a type: geometry_msgs/msg/PoseStamped"
-    return f"`{text}` is not a ROS 2 message type", near
+    return msg(f"`{arg(text)}` is not a ROS 2 message type"), near

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, findings, model
 
 if TYPE_CHECKING:
@@ -53,7 +54,10 @@ def _twice(draft: _draft.Draft, items: Iterable[_ItemPlace]) -> Iterator[finding
         if first_place != (part, path):
             where = draft.where(first_place[0], *first_place[1], "id")
             yield draft.finding_at(
-                part, (*path, "id"), f"`{item.id}` is already the id of an item ({where})", "choose another one"
+                part,
+                (*path, "id"),
+                msg(f"`{arg(item.id)}` is already the id of an item ({arg(where)})"),
+                "choose another one",
             )
 
 
@@ -67,9 +71,11 @@ def vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
                 continue
             if item.vehicle not in vehicle_names:
                 hint = findings.suggest(item.vehicle, vehicle_names, none="add it to `vehicles`")
-                yield draft.finding_at(part, (*path, "vehicle"), f"vehicle `{item.vehicle}` does not exist", hint)
+                yield draft.finding_at(
+                    part, (*path, "vehicle"), msg(f"vehicle `{arg(item.vehicle)}` does not exist"), hint
+                )
             elif here is not None and item.vehicle not in here:
-                message = f"`{item.vehicle}` is not tested at `{name}`, so nobody would be asked"
+                message = msg(f"`{arg(item.vehicle)}` is not tested at `{arg(name)}`, so nobody would be asked")
                 hint = "add it to `checklist: vehicles:` of the site, or remove the item"
                 yield draft.finding_at(part, (*path, "vehicle"), message, hint)
 
@@ -82,11 +88,11 @@ def people(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for part, path, words in _person_lists(draft):
         for index, word in enumerate(words):
             if findings.why_no_name(word) is None and word not in roles:
-                none = f"add it: `roles: [{{name: {word}, people: [A. Person]}}]` of `pilot`"
+                none = msg(f"add it: `roles: [{{name: {arg(word)}, people: [A. Person]}}]` of `pilot`")
                 hint = findings.suggest(
-                    word, roles, none=f"{none}; the name of a person has a capital letter or a space"
+                    word, roles, none=msg(f"{arg(none)}; the name of a person has a capital letter or a space")
                 )
-                yield draft.finding_at(part, (*path, index), f"role `{word}` does not exist", hint)
+                yield draft.finding_at(part, (*path, index), msg(f"role `{arg(word)}` does not exist"), hint)
 
 
 def _person_lists(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, _Path, tuple[str, ...]]]:
@@ -106,13 +112,13 @@ def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
             if word in mission_names[:index]:
                 path = ("checklist", "missions", index, "name")
                 yield draft.finding_at(
-                    _draft.Part("site", name), path, f"there are two missions `{word}`", "rename one"
+                    _draft.Part("site", name), path, msg(f"there are two missions `{arg(word)}`"), "rename one"
                 )
     roles = [role.name for role in draft.pilot.roles] if draft.pilot is not None else []
     for index, word in enumerate(roles):
         if word in roles[:index]:
             yield draft.finding_at(
-                _draft.Part("pilot"), ("roles", index, "name"), f"there are two roles `{word}`", "rename one"
+                _draft.Part("pilot"), ("roles", index, "name"), msg(f"there are two roles `{arg(word)}`"), "rename one"
             )
 
 
@@ -122,7 +128,7 @@ def gateways(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for name, site in draft.sites.items():
         for part, path, item in _of_a_site(name, site):
             if item.kind is model.ItemSort.COMMAND and item.seen_from is model.SeenFrom.GATEWAY and name not in sites:
-                message = f"`{item.id}` is run on the gateway, but `{name}` has none"
+                message = msg(f"`{arg(item.id)}` is run on the gateway, but `{arg(name)}` has none")
                 yield draft.finding_at(
                     part, (*path, "command"), message, "write `seen_from: laptop`, or remove the item"
                 )

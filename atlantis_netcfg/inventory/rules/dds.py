@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
@@ -28,7 +29,7 @@ def participants_have_addresses(draft: _draft.Draft) -> Iterator[Finding]:
     for host, device in draft.devices.items():
         if isinstance(device, model.ServerComputer) and device.vpn_address is None:
             where = draft.where(_PILOT, "dds")
-            message = f"`{host}` uses DDS over the VPN ({where}), but has no VPN address"
+            message = msg(f"`{arg(host)}` uses DDS over the VPN ({arg(where)}), but has no VPN address")
             yield draft.finding_at(_draft.Part("device", host), (), message, "set its `vpn_address:`")
 
 
@@ -40,8 +41,9 @@ def peers_in_the_vpn(draft: _draft.Draft) -> Iterator[Finding]:
     network = draft.pilot.vpn.network
     for index, peer in enumerate(dds.peers):
         if why := why_unusable(peer.address, network):
-            message = (
-                f"the peer `{peer.name}` is reached over the VPN, but {peer.address} {why}, the network of the VPN"
+            message = msg(
+                f"the peer `{arg(peer.name)}` is reached over the VPN, but {arg(peer.address)} {arg(why)}, the network "
+                "of the VPN"
             )
             yield draft.finding_at(_PILOT, ("dds", "peers", index, "address"), message, example_in(network))
 
@@ -56,10 +58,10 @@ def peers_once(draft: _draft.Draft) -> Iterator[Finding]:
         if isinstance(device, model.ServerComputer):
             address = device.vpn_address if dds.over is model.DdsPath.VPN else device.address
             if address is not None:
-                owner_by_address[address] = f"`{host}`, which is always a peer"
+                owner_by_address[address] = msg(f"`{arg(host)}`, which is always a peer")
     for index, peer in enumerate(dds.peers):
         if peer.address in owner_by_address:
-            message = f"{peer.address} is already {owner_by_address[peer.address]}"
+            message = msg(f"{arg(peer.address)} is already {arg(owner_by_address[peer.address])}")
             yield draft.finding_at(_PILOT, ("dds", "peers", index, "address"), message, "remove this peer")
         owner_by_address.setdefault(peer.address, f"the peer `{peer.name}`")
 
@@ -71,15 +73,20 @@ def peers_at_known_sites(draft: _draft.Draft) -> Iterator[Finding]:
         site_names = draft.names("site")
         if peer.site is not None and peer.site not in site_names:
             hint = suggest(peer.site, site_names, none="add it to hosts.yml")
-            yield draft.finding_at(_PILOT, ("dds", "peers", index, "site"), f"site `{peer.site}` does not exist", hint)
+            yield draft.finding_at(
+                _PILOT, ("dds", "peers", index, "site"), msg(f"site `{arg(peer.site)}` does not exist"), hint
+            )
 
 
 def processes_are_found(draft: _draft.Draft) -> Iterator[Finding]:
     """Require `participants` ≥ `processes`: others do not start (Cyclone DDS) or are not discovered (Fast DDS)."""
     dds = _dds_settings(draft)
     if dds is not None and dds.processes > dds.participants:
-        message = f"{dds.processes} ROS processes run on a computer, but only {dds.participants} of them can be found"
-        hint = f"write `participants: {dds.processes}`, or a lower number here"
+        message = msg(
+            f"{arg(dds.processes)} ROS processes run on a computer, but only {arg(dds.participants)} of them can be "
+            "found"
+        )
+        hint = msg(f"write `participants: {arg(dds.processes)}`, or a lower number here")
         yield draft.finding_at(_PILOT, ("dds", "processes"), message, hint)
 
 

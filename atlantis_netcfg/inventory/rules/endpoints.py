@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import _draft, findings, model
 from atlantis_netcfg.inventory.rules.networks import NetworkIndex, claims
 
@@ -58,9 +59,13 @@ def check_tested_vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
             path = ("checklist", "vehicles", index)
             if key not in vehicle_names:
                 hint = findings.suggest(key, vehicle_names, none="add it to `vehicles`")
-                yield draft.finding_at(_draft.Part("site", name), path, f"vehicle `{key}` does not exist", hint)
+                yield draft.finding_at(
+                    _draft.Part("site", name), path, msg(f"vehicle `{arg(key)}` does not exist"), hint
+                )
             elif key in here[:index]:
-                yield draft.finding_at(_draft.Part("site", name), path, f"`{key}` is twice in this list", "remove one")
+                yield draft.finding_at(
+                    _draft.Part("site", name), path, msg(f"`{arg(key)}` is twice in this list"), "remove one"
+                )
 
 
 def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -69,8 +74,8 @@ def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for name in row.endpoint_names:
             if name in row.columns:
                 continue
-            message = f"`{name}` is described here but not checked: `table3` does not mark it"
-            hint = f"remove `{name}:` here, or mark it in `table3`"
+            message = msg(f"`{arg(name)}` is described here but not checked: `table3` does not mark it")
+            hint = msg(f"remove `{arg(name)}:` here, or mark it in `table3`")
             if name == model.ETHERNET:
                 message = "`ethernet` is described here but not checked: `ethernet: true` is missing"
                 hint = "remove it here, or write `ethernet: true` next to `table3`"
@@ -92,13 +97,13 @@ def seen_by(draft: _draft.Draft) -> Iterator[findings.Finding]:
             ]
             if host not in draft.layout.hosts:
                 hint = findings.suggest(host, able, none="add it to hosts.yml")
-                yield draft.finding_at(row.part, path, f"host `{host}` does not exist", hint)
+                yield draft.finding_at(row.part, path, msg(f"host `{arg(host)}` does not exist"), hint)
             elif host in draft.devices and host not in _routeros(draft):
-                message = f"`{host}` is not a RouterOS device: it cannot report what it sees"
-                yield draft.finding_at(row.part, path, message, f"available: {findings.choices(able)}")
+                message = msg(f"`{arg(host)}` is not a RouterOS device: it cannot report what it sees")
+                yield draft.finding_at(row.part, path, message, msg(f"available: {arg(findings.choices(able))}"))
             elif host in draft.devices and host not in able:
-                message = f"`{host}` is at `{_site_of(draft, host)}`, not here"
-                yield draft.finding_at(row.part, path, message, f"available: {findings.choices(able)}")
+                message = msg(f"`{arg(host)}` is at `{arg(_site_of(draft, host))}`, not here")
+                yield draft.finding_at(row.part, path, message, msg(f"available: {arg(findings.choices(able))}"))
 
 
 def _site_of(draft: _draft.Draft, host: str) -> str:
@@ -124,17 +129,20 @@ def another_modem(draft: _draft.Draft) -> Iterator[findings.Finding]:
             continue
         local = acoustic.acoustic_address
         for path in _self_references(local, acoustic, usbl):
-            message = f"`{key}` itself has the acoustic address {local}"
+            message = msg(f"`{arg(key)}` itself has the acoustic address {arg(local)}")
             yield draft.finding_at(
                 part, ("endpoints", *path), message, "write the address of the modem at the other end"
             )
         other = first.setdefault((str(acoustic.driver), local), key)
         if other != key:
             where = draft.where(_draft.Part("vehicle", other), "endpoints", "acoustic", "acoustic_address")
-            message = f"{local} is already the acoustic address of `{other}` ({where})"
+            message = msg(f"{arg(local)} is already the acoustic address of `{arg(other)}` ({arg(where)})")
             path = ("endpoints", "acoustic", "acoustic_address")
             yield draft.finding_at(
-                part, path, message, f"give each {acoustic.driver} modem its own address, here and on the modem"
+                part,
+                path,
+                message,
+                msg(f"give each {arg(acoustic.driver)} modem its own address, here and on the modem"),
             )
 
 
@@ -165,8 +173,13 @@ def addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
             path: _Path = (
                 ("checklist",) if site_vehicles is None else ("checklist", "vehicles", site_vehicles.index(key))
             )
-            message = f"`{key}` is tested here but has no address, although it is to be queried: {', '.join(wanting)}"
-            hint = f"add `- {{name: {key}, mac: …, address: …}}` to `lan: reservations:`, or `address:` to each"
+            message = msg(
+                f"`{arg(key)}` is tested here but has no address, although it is to be queried: "
+                f"{arg(join(', ', wanting))}"
+            )
+            hint = msg(
+                f"add `- {{name: {arg(key)}, mac: …, address: …}}` to `lan: reservations:`, or `address:` to each"
+            )
             yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
 
@@ -194,11 +207,13 @@ def streams(draft: _draft.Draft) -> Iterator[findings.Finding]:
             place = stream.seen_from if has_gateway else model.SeenFrom.LAPTOP
             other = first.setdefault((place, stream.port), key)
             if other != key:
-                message = (
-                    f"UDP port {stream.port} of the {place} is already used by `{other}`, which is also tested "
-                    f"at `{name}`"
+                message = msg(
+                    f"UDP port {arg(stream.port)} of the {arg(place)} is already used by `{arg(other)}`, which is also "
+                    f"tested at `{arg(name)}`"
                 )
-                hint = f"configure the companion computer of `{key}` to forward to another port, and set it here"
+                hint = msg(
+                    f"configure the companion computer of `{arg(key)}` to forward to another port, and set it here"
+                )
                 yield draft.finding_at(_draft.Part("vehicle", key), ("endpoints", "rc_rf", "port"), message, hint)
 
 
@@ -216,12 +231,14 @@ def require_two_probe_targets(draft: _draft.Draft) -> Iterator[findings.Finding]
         for index, link in enumerate(site.bearers):
             path = ("bearers", index, "canaries")
             if 0 < len(set(link.canaries)) < _PAIR:
-                message = f"link `{link.name}` has one probe target: if that host fails, the link counts as down"
+                message = msg(
+                    f"link `{arg(link.name)}` has one probe target: if that host fails, the link counts as down"
+                )
                 yield draft.finding_at(
                     _draft.Part("site", name), path, message, "name two different hosts beyond the link"
                 )
             elif not link.canaries and index < len(site.bearers) - 1 and not link.kind.traits.allow_list:
-                message = f"link `{link.name}` has no probe targets, so its failure would not be noticed"
+                message = msg(f"link `{arg(link.name)}` has no probe targets, so its failure would not be noticed")
                 hint = "name two; only a satellite link and the last link in order of preference can do without"
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index), message, hint)
 
@@ -238,7 +255,9 @@ def require_own_probe_targets(draft: _draft.Draft) -> Iterator[findings.Finding]
                 if first != (index, place) and not lonely:
                     other = site.bearers[first[0]].name
                     line = draft.mark(part, "bearers", first[0], "canaries", first[1]).line
-                    message = f"{probe_target} is already a probe target of link `{other}` (line {line})"
+                    message = msg(
+                        f"{arg(probe_target)} is already a probe target of link `{arg(other)}` (line {arg(line)})"
+                    )
                     hint = "a probe target belongs to one link: choose another host"
                     yield draft.finding_at(part, ("bearers", index, "canaries", place), message, hint)
 
@@ -250,7 +269,7 @@ def require_unused_probe_addresses(draft: _draft.Draft) -> Iterator[findings.Fin
         for index, link in enumerate(site.bearers):
             for place, probe_target in enumerate(link.canaries):
                 if use := _other_use(draft, networks, probe_target):
-                    message = f"the probe target {probe_target} of link `{link.name}` is {use}"
+                    message = msg(f"the probe target {arg(probe_target)} of link `{arg(link.name)}` is {arg(use)}")
                     hint = "choose a host beyond the link that is used for nothing else"
                     yield draft.finding_at(
                         _draft.Part("site", name), ("bearers", index, "canaries", place), message, hint
@@ -263,9 +282,9 @@ def _other_use(draft: _draft.Draft, networks: NetworkIndex, address: IPv4Address
             return "the VPN's endpoint"
         for server in draft.pilot.time_servers:
             if address == server.address:
-                return f"the time server {server.name}"
+                return msg(f"the time server {arg(server.name)}")
     claim = next(iter(networks.over(IPv4Network(address))), None)
-    return f"inside {claim.what}, {claim.network}" if claim is not None else None
+    return msg(f"inside {arg(claim.what)}, {arg(claim.network)}") if claim is not None else None
 
 
 PROBES_RULES: tuple[_draft.Rule, ...] = (

@@ -9,6 +9,7 @@ from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, model
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def pins_once(draft: _draft.Draft) -> Iterator[Finding]:
     seen_packages: set[str] = set()
     for index, pin in enumerate(ros2.pins if ros2 is not None else ()):
         if pin.package in seen_packages:
-            message = f"`{pin.package}` is pinned twice"
+            message = msg(f"`{arg(pin.package)}` is pinned twice")
             yield draft.finding_at(_PILOT, ("gateways", "ros2", "pins", index), message, "remove one of the two")
         seen_packages.add(pin.package)
 
@@ -90,7 +91,10 @@ def one_interface(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         if device.network.interface != device.image.interface:
             line = draft.mark(_draft.Part("device", host), "image", "interface").line
-            message = f"the image configures `{device.image.interface}` (line {line}), not `{device.network.interface}`"
+            message = msg(
+                f"the image configures `{arg(device.image.interface)}` (line {arg(line)}), not "
+                f"`{arg(device.network.interface)}`"
+            )
             hint = "use the same name in both: `ip link` on the board shows it"
             yield draft.finding_at(_draft.Part("device", host), ("network", "interface"), message, hint)
 
@@ -109,7 +113,9 @@ def require_ssh_key(draft: _draft.Draft) -> Iterator[Finding]:
     """Require an SSH key for every image: it has no passwords, so without a key nobody could log in."""
     for host, _, device in draft.valid_devices(model.SiteComputer):
         if device.image is not None and not device.image.ssh_keys:
-            message = f"nobody could log in to `{host}`: its image has no SSH key, and its passwords are removed"
+            message = msg(
+                f"nobody could log in to `{arg(host)}`: its image has no SSH key, and its passwords are removed"
+            )
             hint = "add the public keys of the technicians, one per line"
             yield draft.finding_at(_draft.Part("device", host), ("image", "ssh_keys"), message, hint)
 
@@ -123,7 +129,7 @@ def keys_once(draft: _draft.Draft) -> Iterator[Finding]:
             first = index_by_key.setdefault(body, index)
             if first != index:
                 line = draft.mark(_draft.Part("device", host), "image", "ssh_keys", first).line
-                message = f"this key is here twice, first in line {line}"
+                message = msg(f"this key is here twice, first in line {arg(line)}")
                 yield draft.finding_at(
                     _draft.Part("device", host), ("image", "ssh_keys", index), message, "remove one of the two"
                 )
@@ -136,8 +142,14 @@ def require_reservation(draft: _draft.Draft) -> Iterator[Finding]:
         if device.image is None or device.image.address_by is not model.AddressBy.DHCP or site is None:
             continue
         if all(reservation.address != device.address for reservation in site.lan.reservations):
-            message = f"`{host}` gets its address by DHCP, but the LAN of `{name}` reserves {device.address} for nobody"
-            hint = f"add {{name: {host}, mac: …, address: {device.address}}} to `lan.reservations`, or write `static`"
+            message = msg(
+                f"`{arg(host)}` gets its address by DHCP, but the LAN of `{arg(name)}` reserves {arg(device.address)} "
+                "for nobody"
+            )
+            hint = msg(
+                f"add {{name: {arg(host)}, mac: …, address: {arg(device.address)}}} to `lan.reservations`, or write "
+                "`static`"
+            )
             yield draft.finding_at(_draft.Part("device", host), ("image", "address_by"), message, hint)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 
@@ -23,7 +24,7 @@ def gateway_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that the router's LAN address is a usable address of the LAN."""
     for name, site in draft.sites.items():
         if why := why_unusable(site.lan.gateway, site.lan.network):
-            message = f"the gateway {site.lan.gateway} {why}"
+            message = msg(f"the gateway {arg(site.lan.gateway)} {arg(why)}")
             yield draft.finding_at(_draft.Part("site", name), ("lan", "gateway"), message, example_in(site.lan.network))
 
 
@@ -31,8 +32,8 @@ def network_has_room(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a LAN large enough for a router, a gateway computer and robots."""
     for name, site in draft.sites.items():
         if site.lan.network.prefixlen > _MOST_PREFIX:
-            message = f"{site.lan.network} is too small for a LAN"
-            hint = f"{site.lan.network.supernet(new_prefix=24)} has room for 254"
+            message = msg(f"{arg(site.lan.network)} is too small for a LAN")
+            hint = msg(f"{arg(site.lan.network.supernet(new_prefix=24))} has room for 254")
             yield draft.finding_at(_draft.Part("site", name), ("lan", "network"), message, hint)
 
 
@@ -44,18 +45,18 @@ def dhcp_range(draft: _draft.Draft) -> Iterator[Finding]:
         for key, address in (("first", lan.dhcp.first), ("last", lan.dhcp.last)):
             if why := why_unusable(address, lan.network):
                 outside = True
-                message = f"the {key} address {address} of the DHCP range {why}"
+                message = msg(f"the {arg(key)} address {arg(address)} of the DHCP range {arg(why)}")
                 yield draft.finding_at(part, ("lan", "dhcp", key), message, example_in(lan.network))
         if outside:
             continue
         if lan.dhcp.first > lan.dhcp.last:
-            message = f"the DHCP range is reversed: {lan.dhcp.first} comes after {lan.dhcp.last}"
-            hint = f"first: {lan.dhcp.last}, last: {lan.dhcp.first}"
+            message = msg(f"the DHCP range is reversed: {arg(lan.dhcp.first)} comes after {arg(lan.dhcp.last)}")
+            hint = msg(f"first: {arg(lan.dhcp.last)}, last: {arg(lan.dhcp.first)}")
             yield draft.finding_at(part, ("lan", "dhcp", "first"), message, hint)
         elif lan.dhcp.first <= lan.gateway <= lan.dhcp.last:
-            message = f"the DHCP range contains the address of the router itself, {lan.gateway}"
+            message = msg(f"the DHCP range contains the address of the router itself, {arg(lan.gateway)}")
             yield draft.finding_at(
-                part, ("lan", "dhcp", "first"), message, f"start after {lan.gateway}, or end before it"
+                part, ("lan", "dhcp", "first"), message, msg(f"start after {arg(lan.gateway)}, or end before it")
             )
 
 
@@ -66,11 +67,16 @@ def reservations_in_network(draft: _draft.Draft) -> Iterator[Finding]:
         for index, reservation in enumerate(site.lan.reservations):
             path = ("lan", "reservations", index, "address")
             if why := why_unusable(reservation.address, site.lan.network):
-                message = f"the reserved address {reservation.address} of `{reservation.name}` {why}"
+                message = msg(
+                    f"the reserved address {arg(reservation.address)} of `{arg(reservation.name)}` {arg(why)}"
+                )
                 yield draft.finding_at(_draft.Part("site", name), path, message, example_in(site.lan.network))
             elif dhcp.first <= reservation.address <= dhcp.last:
-                message = f"the reserved address {reservation.address} of `{reservation.name}` is inside the DHCP range"
-                hint = f"choose one outside {dhcp.first} to {dhcp.last}"
+                message = msg(
+                    f"the reserved address {arg(reservation.address)} of `{arg(reservation.name)}` is inside the DHCP "
+                    "range"
+                )
+                hint = msg(f"choose one outside {arg(dhcp.first)} to {arg(dhcp.last)}")
                 yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
 
@@ -83,7 +89,7 @@ def reservation_names(draft: _draft.Draft) -> Iterator[Finding]:
             if first != index:
                 part = _draft.Part("site", name)
                 line = draft.mark(part, "lan", "reservations", first, "name").line
-                message = f"`{reservation.name}` is reserved twice, first in line {line}"
+                message = msg(f"`{arg(reservation.name)}` is reserved twice, first in line {arg(line)}")
                 yield draft.finding_at(part, ("lan", "reservations", index, "name"), message, "remove one of the two")
 
 
@@ -100,12 +106,13 @@ def reservations_of_hosts(draft: _draft.Draft) -> Iterator[Finding]:
                 _draft.Part("device", reservation.name),
             )
             if device.address != reservation.address:
-                text = f"`{reservation.name}` has the reservation {reservation.address}"
-                message = f"{text}, but {draft.where(of_host, 'address')} says {device.address}"
+                text = msg(f"`{arg(reservation.name)}` has the reservation {arg(reservation.address)}")
+                message = msg(f"{arg(text)}, but {arg(draft.where(of_host, 'address'))} says {arg(device.address)}")
                 yield draft.finding_at(part, (*path, "address"), message, "make both equal")
             if device.mac is not None and device.mac != reservation.mac:
-                message = (
-                    f"`{reservation.name}` is reserved for {reservation.mac}, but {draft.where(of_host, 'mac')} says"
+                message = msg(
+                    f"`{arg(reservation.name)}` is reserved for {arg(reservation.mac)}, but "
+                    f"{arg(draft.where(of_host, 'mac'))} says"
                 )
                 yield draft.finding_at(part, (*path, "mac"), f"{message} {device.mac}", "make both equal")
 
@@ -118,13 +125,15 @@ def hosts_in_network(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         part, dhcp = _draft.Part("device", host), site.lan.dhcp
         if why := why_unusable(device.address, site.lan.network):
-            message = f"the address {device.address} of `{host}` {why}, the LAN of `{name}`"
+            message = msg(f"the address {arg(device.address)} of `{arg(host)}` {arg(why)}, the LAN of `{arg(name)}`")
             yield draft.finding_at(part, ("address",), message, example_in(site.lan.network))
         elif dhcp.first <= device.address <= dhcp.last and all(
             reservation.name != host for reservation in site.lan.reservations
         ):
-            message = f"the address {device.address} of `{host}` is inside the DHCP range of `{name}`"
-            hint = f"choose one outside {dhcp.first} to {dhcp.last}"
+            message = msg(
+                f"the address {arg(device.address)} of `{arg(host)}` is inside the DHCP range of `{arg(name)}`"
+            )
+            hint = msg(f"choose one outside {arg(dhcp.first)} to {arg(dhcp.last)}")
             yield draft.finding_at(part, ("address",), message, hint)
 
 
@@ -167,8 +176,11 @@ def _find_duplicates(draft: _draft.Draft, uses: Iterator[_AddressUse], what: str
         if first_use.owner != use.owner and (use.value, use.owner) not in result:
             result.add((use.value, use.owner))
             where = draft.where(first_use.part, *first_use.path)
-            message = f"{use.value} of {use.owner} is already the {what} of {first_use.owner} ({where})"
-            yield draft.finding_at(use.part, use.path, message, f"give each its own: {what}")
+            message = msg(
+                f"{arg(use.value)} of {arg(use.owner)} is already the {arg(what)} of {arg(first_use.owner)} "
+                f"({arg(where)})"
+            )
+            yield draft.finding_at(use.part, use.path, message, msg(f"give each its own: {arg(what)}"))
 
 
 def _addresses(draft: _draft.Draft) -> Iterator[_AddressUse]:
@@ -190,11 +202,11 @@ def _site_addresses(draft: _draft.Draft, name: str, site: model.Site) -> Iterato
     for index, link in enumerate(site.served_links):
         yield _AddressUse(str(link.address), router, part, ("served_links", index, "address"))
     yield _AddressUse(
-        str(site.management.technician), f"the technician at `{name}`", part, ("management", "technician")
+        str(site.management.technician), msg(f"the technician at `{arg(name)}`"), part, ("management", "technician")
     )
     for index, reservation in enumerate(site.lan.reservations):
         here = draft.layout.hosts.get(reservation.name) == name
-        owner = f"`{reservation.name}`" if here else f"reservation `{reservation.name}`"
+        owner = msg(f"`{arg(reservation.name)}`" if here else f"reservation `{arg(reservation.name)}`")
         path = ("lan", "reservations", index, "address")
         device = draft.devices.get(reservation.name)
         is_reported = here and isinstance(device, model.LanBox) and device.address != reservation.address
@@ -204,7 +216,7 @@ def _site_addresses(draft: _draft.Draft, name: str, site: model.Site) -> Iterato
 
 def _router(draft: _draft.Draft, site: str) -> str:
     site_router = draft.router_of(site)
-    return f"`{site_router[0]}`" if site_router is not None else f"the router of `{site}`"
+    return msg(f"`{arg(site_router[0])}`" if site_router is not None else f"the router of `{arg(site)}`")
 
 
 def _owner(draft: _draft.Draft, host: str) -> str:
@@ -225,7 +237,7 @@ def _far_end(draft: _draft.Draft, name: str, site_link: model.Link) -> str:
                 (link.network, link.address) == (site_link.network, site_link.gateway) for link in site.served_links
             ):
                 return _router(draft, other)
-    return f"the gateway of link `{site_link.name}` at `{name}`"
+    return msg(f"the gateway of link `{arg(site_link.name)}` at `{arg(name)}`")
 
 
 def _device_addresses(device: model.Device) -> Iterator[tuple[object, tuple[str, ...]]]:
@@ -267,7 +279,10 @@ def classes_have_a_queue(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         for index, row in enumerate(site.lan.reservations):
             if row.traffic is not model.TrafficClass.CONTROL:
-                message = f"`{row.name}` counts as {row.traffic}, but `{name}` has no thin link where that matters"
+                message = msg(
+                    f"`{arg(row.name)}` counts as {arg(row.traffic)}, but `{arg(name)}` has no thin link where that "
+                    "matters"
+                )
                 path = ("lan", "reservations", index, "traffic")
                 hint = "remove `traffic:`; a thin link is a satellite, or sends less than 2 Mbit/s (`rate.up_kbps`)"
                 yield draft.finding_at(_draft.Part("site", name), path, message, hint)

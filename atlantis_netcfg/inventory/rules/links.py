@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
@@ -61,14 +62,14 @@ def gaps_leave_time(draft: _draft.Draft) -> Iterator[Finding]:
         for index, link in enumerate(site.bearers):
             silent_s = sum(gap.length_s * gap.per_hour for gap in link.rate.gaps)
             if silent_s > _MOST_SILENT_S:
-                message = f"the gaps of link `{link.name}` take {silent_s:g} s of each hour"
-                hint = f"set at most {_MOST_SILENT_S} s: shorter gaps (`length_s`), or fewer (`per_hour`)"
+                message = msg(f"the gaps of link `{arg(link.name)}` take {arg(silent_s):g} s of each hour")
+                hint = msg(f"set at most {arg(_MOST_SILENT_S)} s: shorter gaps (`length_s`), or fewer (`per_hour`)")
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
 
 
 def _check_in_network(draft: _draft.Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
     if why := why_unusable(address, end.link.network):
-        message = f"the {key} {address} of link `{end.link.name}` {why}"
+        message = msg(f"the {arg(key)} {arg(address)} of link `{arg(end.link.name)}` {arg(why)}")
         yield draft.finding_at(end.part, (*end.path, key), message, example_in(end.link.network))
 
 
@@ -83,7 +84,9 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
             yield draft.finding_at(end.part, path, message, "choose another name")
         elif first is not end:
             line = draft.mark(first.part, *first.path, "name").line
-            message = f"`{end.link.name}` is the name of two links of `{end.site}`, first in line {line}"
+            message = msg(
+                f"`{arg(end.link.name)}` is the name of two links of `{arg(end.site)}`, first in line {arg(line)}"
+            )
             yield draft.finding_at(end.part, path, message, "give each link its own name")
 
 
@@ -93,8 +96,8 @@ def devices(draft: _draft.Draft) -> Iterator[Finding]:
         kind = end.kind.traits.box
         if end.link.device is None:
             if kind is not None:
-                message = f"link `{end.link.name}` is {end.kind} and has no device"
-                hint = f"add `device:` with {_candidates(draft, end.site, kind)}"
+                message = msg(f"link `{arg(end.link.name)}` is {arg(end.kind)} and has no device")
+                hint = msg(f"add `device:` with {arg(_candidates(draft, end.site, kind))}")
                 yield draft.finding_at(end.part, end.path, message, hint)
         elif problem := _wrong_device(draft, end, end.link.device, kind):
             yield draft.finding_at(end.part, (*end.path, "device"), *problem)
@@ -102,22 +105,24 @@ def devices(draft: _draft.Draft) -> Iterator[Finding]:
 
 def _candidates(draft: _draft.Draft, site: str, kind: str) -> str:
     here = [host for host, place in draft.layout.hosts.items() if place == site and draft.kind_of(host) == kind]
-    return f"`{here[0]}`" if here else f"a {kind} at the site"
+    return msg(f"`{arg(here[0])}`" if here else f"a {arg(kind)} at the site")
 
 
 def _wrong_device(draft: _draft.Draft, end: BridgeEnd, host: str, kind: str | None) -> tuple[str, str] | None:
     if host not in draft.layout.hosts:
         here = [name for name, site in draft.layout.hosts.items() if site == end.site]
-        return f"host `{host}` does not exist", suggest(host, here, none="add it to hosts.yml")
+        return msg(f"host `{arg(host)}` does not exist"), suggest(host, here, none="add it to hosts.yml")
     if draft.layout.hosts[host] != end.site:
-        message = f"`{host}` is at site `{draft.layout.hosts[host]}`, not at `{end.site}`"
-        return message, f"name {_candidates(draft, end.site, kind)}" if kind is not None else "remove `device:`"
+        message = msg(f"`{arg(host)}` is at site `{arg(draft.layout.hosts[host])}`, not at `{arg(end.site)}`")
+        return message, msg(
+            f"name {arg(_candidates(draft, end.site, kind))}" if kind is not None else "remove `device:`"
+        )
     is_a = draft.kind_of(host)
     if kind is None:
-        return f"link `{end.link.name}` is a plain cable (ethernet) and has no device", "remove `device:`"
+        return msg(f"link `{arg(end.link.name)}` is a plain cable (ethernet) and has no device"), "remove `device:`"
     if is_a is not None and is_a != kind:
-        message = f"link `{end.link.name}` is {end.kind}, but `{host}` is a {is_a}"
-        return message, f"name {_candidates(draft, end.site, kind)}"
+        message = msg(f"link `{arg(end.link.name)}` is {arg(end.kind)}, but `{arg(host)}` is a {arg(is_a)}")
+        return message, msg(f"name {arg(_candidates(draft, end.site, kind))}")
     return None
 
 
@@ -125,7 +130,7 @@ def each_box_once(draft: _draft.Draft) -> Iterator[Finding]:
     """Report a device that is used by two links."""
     for end, first in _shared_devices(draft):
         where = draft.where(first.part, *first.path, "device")
-        message = f"`{end.link.device}` already carries link `{first.link.name}` ({where})"
+        message = msg(f"`{arg(end.link.device)}` already carries link `{arg(first.link.name)}` ({arg(where)})")
         yield draft.finding_at(end.part, (*end.path, "device"), message, "a device carries one link")
 
 
@@ -154,8 +159,8 @@ def no_box_idle(draft: _draft.Draft) -> Iterator[Finding]:
         if device.kind not in boxes or host in used or site not in draft.sites:
             continue
         if (site, device.kind) not in waiting:
-            message = f"`{host}` carries no link of `{site}`"
-            hint = f"set it as `device:` of a link in group_vars/{site}.yml, or remove the host"
+            message = msg(f"`{arg(host)}` carries no link of `{arg(site)}`")
+            hint = msg(f"set it as `device:` of a link in group_vars/{arg(site)}.yml, or remove the host")
             yield draft.finding_at(_draft.Part("device", host), (), message, hint)
 
 
@@ -170,7 +175,9 @@ def boxes_in_network(draft: _draft.Draft) -> Iterator[Finding]:
         path = ("access", "address") if isinstance(device, model.Cpe) else ("address",)
         address = device.access.address if isinstance(device, model.Cpe) else getattr(device, "address", None)
         if address is not None and (why := why_unusable(address, end.link.network)):
-            message = f"the address {address} of `{host}` {why}, the network of link `{end.link.name}`"
+            message = msg(
+                f"the address {arg(address)} of `{arg(host)}` {arg(why)}, the network of link `{arg(end.link.name)}`"
+            )
             yield draft.finding_at(_draft.Part("device", host), path, message, example_in(end.link.network))
 
 
@@ -197,12 +204,12 @@ def bridges(draft: _draft.Draft) -> Iterator[Finding]:
     for end in links:
         far = [other for other in served_ends if _carried_site(other) == end.site]
         if not far and not findings:  # a served link that carries a wrong site may be the one
-            message = f"no site serves the other end of link `{end.link.name}` of `{end.site}`"
-            hint = f"add it to `served_links` of the other site, with `carries: {end.site}`"
+            message = msg(f"no site serves the other end of link `{arg(end.link.name)}` of `{arg(end.site)}`")
+            hint = msg(f"add it to `served_links` of the other site, with `carries: {arg(end.site)}`")
             yield draft.finding_at(end.part, end.path, message, hint)
         for other in far[1:]:
             where = draft.where(far[0].part, *far[0].path)
-            message = f"`{end.site}` is carried twice, first by `{far[0].link.name}` ({where})"
+            message = msg(f"`{arg(end.site)}` is carried twice, first by `{arg(far[0].link.name)}` ({arg(where)})")
             yield draft.finding_at(other.part, (*other.path, "carries"), message, "keep one")
         if far:
             yield from _check_ends_agree(draft, end, far[0])
@@ -216,28 +223,39 @@ def _check_carried_site(draft: _draft.Draft, end: BridgeEnd, links: list[BridgeE
     carried_site, path = _carried_site(end), (*end.path, "carries")
     others = [site for site in draft.sites if site != end.site]
     if carried_site == end.site:
-        message = f"link `{end.link.name}` carries its own site"
-        yield draft.finding_at(end.part, path, message, f"name the site at the other end: {', '.join(others)}")
+        message = msg(f"link `{arg(end.link.name)}` carries its own site")
+        yield draft.finding_at(
+            end.part, path, message, msg(f"name the site at the other end: {arg(join(', ', others))}")
+        )
     elif carried_site not in draft.sites:
         yield draft.finding_at(
-            end.part, path, f"site `{carried_site}` does not exist", suggest(carried_site, others, none="add the site")
+            end.part,
+            path,
+            msg(f"site `{arg(carried_site)}` does not exist"),
+            suggest(carried_site, others, none="add the site"),
         )
     elif not any(link.site == carried_site for link in links):
-        message = f"`{carried_site}` has no wifi_ptp link that link `{end.link.name}` could serve"
-        yield draft.finding_at(end.part, path, message, f"add the link to `{carried_site}`, or remove this link")
+        message = msg(f"`{arg(carried_site)}` has no wifi_ptp link that link `{arg(end.link.name)}` could serve")
+        yield draft.finding_at(
+            end.part, path, message, msg(f"add the link to `{arg(carried_site)}`, or remove this link")
+        )
 
 
 def _check_ends_agree(draft: _draft.Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
-    where = f"`{far.site}` has {far.link.network} ({draft.where(far.part, *far.path, 'network')})"
+    where = msg(f"`{arg(far.site)}` has {arg(far.link.network)} ({arg(draft.where(far.part, *far.path, 'network'))})")
     if near.link.network != far.link.network:
-        message = f"the two ends of link `{near.link.name}` are in different networks: {near.link.network} here,"
+        message = msg(
+            f"the two ends of link `{arg(near.link.name)}` are in different networks: {arg(near.link.network)} here,"
+        )
         yield draft.finding_at(near.part, (*near.path, "network"), f"{message} {where}", "make both equal")
         return
     gateway = getattr(near.link, "gateway", None)
     if gateway != far.link.address:
         where = draft.where(far.part, *far.path, "address")
-        message = f"the gateway {gateway} of link `{near.link.name}` is not the router that serves it"
-        yield draft.finding_at(near.part, (*near.path, "gateway"), message, f"{far.link.address}, as in {where}")
+        message = msg(f"the gateway {arg(gateway)} of link `{arg(near.link.name)}` is not the router that serves it")
+        yield draft.finding_at(
+            near.part, (*near.path, "gateway"), message, msg(f"{arg(far.link.address)}, as in {arg(where)}")
+        )
 
 
 BRIDGES_RULES: tuple[_draft.Rule, ...] = (bridges,)

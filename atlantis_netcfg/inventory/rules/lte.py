@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft
 from atlantis_netcfg.inventory._yaml import SealedSecret
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
@@ -86,10 +87,12 @@ def fields(draft: _draft.Draft) -> Iterator[Finding]:
             name = ".".join(field.path)
             if is_set and driver not in field.of:
                 drivers = " and ".join(field.of)
-                message = f"`{name}` has no effect with driver `{driver}`"
-                yield draft.finding_at(part, field.path, message, f"remove it: it is only for driver {drivers}")
+                message = msg(f"`{arg(name)}` has no effect with driver `{arg(driver)}`")
+                yield draft.finding_at(
+                    part, field.path, message, msg(f"remove it: it is only for driver {arg(drivers)}")
+                )
             elif not is_set and driver in field.needed_by:
-                message = f"driver `{driver}` needs `{name}`"
+                message = msg(f"driver `{arg(driver)}` needs `{arg(name)}`")
                 path = ("driver",)
                 yield draft.finding_at(part, path, message, field.hint)
 
@@ -99,7 +102,7 @@ def apn(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(LteRouter):
         name = device.sim.apn
         if name is not None and not _APN.fullmatch(name):
-            message = f"`{name}` is not an access point name: letters, digits, dots and dashes, no spaces"
+            message = msg(f"`{arg(name)}` is not an access point name: letters, digits, dots and dashes, no spaces")
             yield draft.finding_at(
                 _draft.Part("device", host), ("sim", "apn"), message, "copy it from the SIM's contract"
             )
@@ -123,8 +126,8 @@ def administrator(draft: _draft.Draft) -> Iterator[Finding]:
         if access is None or (access.admin_user is None) == (access.admin_password is None):
             continue
         missing, there = ("admin_password", "admin_user") if access.admin_user else ("admin_user", "admin_password")
-        message = f"`{there}` is set without `{missing}`: nobody could log in to configure the unit"
-        hint = f"add `{missing}`, or remove `{there}`: then the unit is only checked"
+        message = msg(f"`{arg(there)}` is set without `{arg(missing)}`: nobody could log in to configure the unit")
+        hint = msg(f"add `{arg(missing)}`, or remove `{arg(there)}`: then the unit is only checked")
         yield draft.finding_at(_draft.Part("device", host), ("access", there), message, hint)
 
 
@@ -133,7 +136,7 @@ def check_rutos_quoting(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(LteRouter):
         user = device.sim.user
         if device.driver is _RUTOS and user is not None and ("'" in user or "\\" in user):
-            message = f"`{user}` cannot be set on a RutOS unit: it contains a quote or a backslash"
+            message = msg(f"`{arg(user)}` cannot be set on a RutOS unit: it contains a quote or a backslash")
             yield draft.finding_at(
                 _draft.Part("device", host), ("sim", "user"), message, "copy it from the SIM's contract"
             )
@@ -144,11 +147,11 @@ def require_local_modem(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(LteRouter):
         part = _draft.Part("device", host)
         if device.host is not None and device.driver in {_MODEMMANAGER, _AT}:
-            message = f"a modem in another computer (`{device.host}`) cannot be read yet"
+            message = msg(f"a modem in another computer (`{arg(device.host)}`) cannot be read yet")
             hint = "remove `host` and run `provision` on that computer, or write `driver: manual`"
             yield draft.finding_at(part, ("host",), message, hint)
         if device.driver is _AT and device.serial is not None and not _PORT.fullmatch(device.serial):
-            message = f"`{device.serial}` is not a serial port"
+            message = msg(f"`{arg(device.serial)}` is not a serial port")
             yield draft.finding_at(part, ("serial",), message, "write its full path, for example /dev/ttyUSB2")
 
 
@@ -162,8 +165,12 @@ def require_gateway_address(draft: _draft.Draft) -> Iterator[Finding]:
             both = {link.gateway, device.address}
             if link.device == host and len(both) > 1 and all(address in link.network for address in both):
                 where = draft.where(_draft.Part("site", name), "bearers", index, "gateway")
-                message = f"the address {device.address} is not the gateway of link `{link.name}` ({where})"
-                yield draft.finding_at(_draft.Part("device", host), ("address",), message, f"write {link.gateway}")
+                message = msg(
+                    f"the address {arg(device.address)} is not the gateway of link `{arg(link.name)}` ({arg(where)})"
+                )
+                yield draft.finding_at(
+                    _draft.Part("device", host), ("address",), message, msg(f"write {arg(link.gateway)}")
+                )
 
 
 RULES: tuple[_draft.Rule, ...] = (
@@ -186,7 +193,7 @@ def there_is_another_link(draft: _draft.Draft) -> Iterator[Finding]:
     """Report `failover` at a site with one link: there is nothing to fail over to."""
     for name, site in draft.sites.items():
         if "failover" in site.model_fields_set and len(site.bearers) == 1:
-            message = f"`failover` is set, but `{site.bearers[0].name}` is the only link of `{name}`"
+            message = msg(f"`failover` is set, but `{arg(site.bearers[0].name)}` is the only link of `{arg(name)}`")
             yield draft.finding_at(
                 _draft.Part("site", name), ("failover",), message, "remove `failover:`, or add a second link"
             )
@@ -197,9 +204,9 @@ def returns_no_sooner_than_it_leaves(draft: _draft.Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         times = site.failover
         if times.fail_back_s < times.hold_down_s:
-            message = (
-                f"a link is left after {times.hold_down_s} s without responses and used again after "
-                f"{times.fail_back_s} s with responses: an unstable link would switch all the time"
+            message = msg(
+                f"a link is left after {arg(times.hold_down_s)} s without responses and used again after "
+                f"{arg(times.fail_back_s)} s with responses: an unstable link would switch all the time"
             )
             key = "fail_back_s" if "fail_back_s" in times.model_fields_set else "hold_down_s"
             hint = "set `fail_back_s` to at least `hold_down_s`, better to some minutes"
@@ -212,7 +219,7 @@ def metered_links_to_ask_over(draft: _draft.Draft) -> Iterator[Finding]:
         if "metered_probe_s" not in site.failover.model_fields_set or len(site.bearers) == 1:
             continue
         if not any(link.metered and link.canaries for link in site.bearers[:-1]):
-            message = f"`metered_probe_s` is set, but no metered link of `{name}` has probe targets"
+            message = msg(f"`metered_probe_s` is set, but no metered link of `{arg(name)}` has probe targets")
             hint = "remove it: free links are probed every 5 s, and the last link is not probed"
             yield draft.finding_at(_draft.Part("site", name), ("failover", "metered_probe_s"), message, hint)
 
@@ -228,27 +235,31 @@ def satellites_are_asked_within_a_budget(draft: _draft.Draft) -> Iterator[Findin
                 continue
             part, path, last = _draft.Part("site", name), ("bearers", index, "canaries"), index == len(site.bearers) - 1
             hold_s = site.failover.hold_down_s
-            hint = f"remove `canaries:`; `provision measure satellite site={name}` tests the satellite on request"
+            hint = msg(
+                f"remove `canaries:`; `provision measure satellite site={arg(name)}` tests the satellite on request"
+            )
             if link.probe_target_budget_bytes is None:
-                message = (
-                    f"link `{link.name}` is a satellite link with probe targets: pinging them is billed day and night"
+                message = msg(
+                    f"link `{arg(link.name)}` is a satellite link with probe targets: pinging them is billed day and "
+                    "night"
                 )
-                budget = (
-                    f"remove `canaries:`; `provision measure satellite site={name}` tests the satellite on "
+                budget = msg(
+                    f"remove `canaries:`; `provision measure satellite site={arg(name)}` tests the satellite on "
                     "request. Or set how much they may use in a month: `canary_budget_mb: 2`"
                 )
                 yield draft.finding_at(part, path, message, hint if last else budget)
             elif last:
-                message = (
-                    f"link `{link.name}` is a satellite link and the last one: its probe targets would not be probed"
+                message = msg(
+                    f"link `{arg(link.name)}` is a satellite link and the last one: its probe targets would not be "
+                    "probed"
                 )
                 yield draft.finding_at(part, path, message, hint)
             elif hold_s < _SATELLITE_HOLD_S:
-                message = (
-                    f"link `{link.name}` is a satellite link with gaps of up to 70 s, but would be left after "
-                    f"{hold_s} s without a response"
+                message = msg(
+                    f"link `{arg(link.name)}` is a satellite link with gaps of up to 70 s, but would be left after "
+                    f"{arg(hold_s)} s without a response"
                 )
-                longer = f"set `hold_down_s` below `failover:` to {_SATELLITE_HOLD_S} or more"
+                longer = msg(f"set `hold_down_s` below `failover:` to {arg(_SATELLITE_HOLD_S)} or more")
                 yield draft.finding_at(part, path, message, longer)
 
 
@@ -256,7 +267,7 @@ def not_too_many_links(draft: _draft.Draft) -> Iterator[Finding]:
     """Report more links at a site than the router has route distances for."""
     for name, site in draft.sites.items():
         if len(site.bearers) > _MOST:
-            message = f"`{name}` has {len(site.bearers)} links; the maximum is {_MOST}"
+            message = msg(f"`{arg(name)}` has {arg(len(site.bearers))} links; the maximum is {arg(_MOST)}")
             yield draft.finding_at(
                 _draft.Part("site", name), ("bearers", _MOST), message, "remove links that are not used"
             )

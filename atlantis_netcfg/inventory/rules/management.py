@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
 
 from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
 from atlantis_netcfg.inventory.findings import Finding, suggest
@@ -26,7 +27,7 @@ def technician_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """Require that the technician's address is in the management network."""
     for name, site in draft.sites.items():
         if why := why_unusable(site.management.technician, site.management.network):
-            message = f"the technician's address {site.management.technician} {why}"
+            message = msg(f"the technician's address {arg(site.management.technician)} {arg(why)}")
             hint = example_in(site.management.network)
             yield draft.finding_at(_draft.Part("site", name), ("management", "technician"), message, hint)
 
@@ -36,11 +37,11 @@ def technician_admitted(draft: _draft.Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         outside = why_unusable(site.management.technician, site.management.network)
         if outside is None and not any(site.management.technician in network for network in site.management.admit):
-            message = (
+            message = msg(
                 "the firewall of the routers would drop the technician: no prefix contains "
-                f"{site.management.technician}"
+                f"{arg(site.management.technician)}"
             )
-            hint = f"add {site.management.network}"
+            hint = msg(f"add {arg(site.management.network)}")
             yield draft.finding_at(_draft.Part("site", name), ("management", "admit"), message, hint)
 
 
@@ -51,8 +52,10 @@ def vpn_admitted(draft: _draft.Draft) -> Iterator[Finding]:
     pool = draft.pilot.vpn.infrastructure
     for name, site in draft.sites.items():
         if _is_reached_by_tunnel(draft, name) and not any(pool.subnet_of(prefix) for prefix in site.management.admit):
-            message = f"the firewall of the routers would drop management through the VPN: no prefix contains {pool}"
-            yield draft.finding_at(_draft.Part("site", name), ("management", "admit"), message, f"add {pool}")
+            message = msg(
+                f"the firewall of the routers would drop management through the VPN: no prefix contains {arg(pool)}"
+            )
+            yield draft.finding_at(_draft.Part("site", name), ("management", "admit"), message, msg(f"add {arg(pool)}"))
 
 
 def _is_reached_by_tunnel(draft: _draft.Draft, site: str) -> bool:
@@ -81,7 +84,7 @@ def partners_kept_out(draft: _draft.Draft) -> Iterator[Finding]:
                 partner for partner, pool in pools.items() if pool.overlaps(prefix) and not pool.overlaps(network)
             ]
             if inside:
-                message = f"{prefix} would let partners manage the routers: {', '.join(inside)}"
+                message = msg(f"{arg(prefix)} would let partners manage the routers: {arg(join(', ', inside))}")
                 hint = "admit only the management network and the infrastructure pool of the VPN"
                 yield draft.finding_at(_draft.Part("site", name), ("management", "admit", index), message, hint)
 
@@ -91,7 +94,10 @@ def router_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     for host, name, router in draft.valid_devices(model.Router):
         site = draft.sites.get(name)
         if site is not None and (why := why_unusable(router.access.address, site.management.network)):
-            message = f"the management address {router.access.address} {why}, the management network of `{name}`"
+            message = msg(
+                f"the management address {arg(router.access.address)} {arg(why)}, the management network of "
+                f"`{arg(name)}`"
+            )
             hint = example_in(site.management.network)
             yield draft.finding_at(_draft.Part("device", host), ("access", "address"), message, hint)
 
@@ -103,11 +109,13 @@ def switch_in_lan(draft: _draft.Draft) -> Iterator[Finding]:
         if site is None:
             continue
         if why := why_unusable(address, site.lan.network):
-            message = f"the management address {address} {why}, the LAN of `{name}`"
+            message = msg(f"the management address {arg(address)} {arg(why)}, the LAN of `{arg(name)}`")
             yield draft.finding_at(part, ("access", "address"), message, example_in(site.lan.network))
         elif site.lan.dhcp.first <= address <= site.lan.dhcp.last:
-            message = f"the management address {address} of `{host}` is inside the DHCP range of `{name}`"
-            hint = f"choose one outside {site.lan.dhcp.first} to {site.lan.dhcp.last}"
+            message = msg(
+                f"the management address {arg(address)} of `{arg(host)}` is inside the DHCP range of `{arg(name)}`"
+            )
+            hint = msg(f"choose one outside {arg(site.lan.dhcp.first)} to {arg(site.lan.dhcp.last)}")
             yield draft.finding_at(part, ("access", "address"), message, hint)
 
 
@@ -116,7 +124,10 @@ def via_known(draft: _draft.Draft) -> Iterator[Finding]:
     for host, name, access in _accesses(draft):
         site = draft.sites.get(name)
         if site is not None and access.via not in _link_names(site):
-            message, hint = f"`{access.via}` is not a link of `{name}`", suggest(access.via, _link_names(site), none="")
+            message, hint = (
+                msg(f"`{arg(access.via)}` is not a link of `{arg(name)}`"),
+                suggest(access.via, _link_names(site), none=""),
+            )
             yield draft.finding_at(_draft.Part("device", host), ("access", "via"), message, hint)
 
 
@@ -142,16 +153,19 @@ def check_groups(draft: _draft.Draft) -> Iterator[Finding]:
     for host, mark in draft.layout.marks.items():
         kind, result = draft.layout.kinds.get(host), draft.kind_of(host)
         if kind is None and host not in draft.layout.misspelt:
-            hint = (
-                f"add `{host}:` below `{_GROUP_OF[result]}:`"
+            hint = msg(
+                f"add `{arg(host)}:` below `{arg(_GROUP_OF[result])}:`"
                 if result is not None
                 else "add it below its kind of device"
             )
-            yield Finding.at(mark, f"`{host}` is in no group of devices", hint)
+            yield Finding.at(mark, msg(f"`{arg(host)}` is in no group of devices"), hint)
         elif kind is not None and result is not None and kind != result:
             group = draft.layout.kind_marks[host]
-            message = f"`{host}` is a {result}, but is in group `{_GROUP_OF[kind]}` ({group.file}:{group.line})"
-            hint = f"move it to `{_GROUP_OF[result]}`, or write `kind: {kind}`"
+            message = msg(
+                f"`{arg(host)}` is a {arg(result)}, but is in group `{arg(_GROUP_OF[kind])}` "
+                f"({arg(group.file)}:{arg(group.line)})"
+            )
+            hint = msg(f"move it to `{arg(_GROUP_OF[result])}`, or write `kind: {arg(kind)}`")
             yield draft.finding_at(_draft.Part("device", host), ("kind",), message, hint)
 
 
@@ -162,10 +176,10 @@ def one_router(draft: _draft.Draft) -> Iterator[Finding]:
         routers = [host for host in here if draft.kind_of(host) == "router"]
         unclear = any(draft.kind_of(host) is None for host in here)
         if not routers and not unclear:
-            message = f"site `{site}` has no router" if here else f"site `{site}` has no hosts"
+            message = msg(f"site `{arg(site)}` has no router" if here else f"site `{arg(site)}` has no hosts")
             yield Finding.at(mark, message, "add its router, below the site and below `routers:`")
         for second in routers[1:]:
-            message = f"site `{site}` has a second router, the first is `{routers[0]}`"
+            message = msg(f"site `{arg(site)}` has a second router, the first is `{arg(routers[0])}`")
             yield Finding.at(draft.layout.marks[second], message, "a site has one router: make this a separate site")
 
 
@@ -179,9 +193,9 @@ def zone(draft: _draft.Draft) -> Iterator[Finding]:
     zones = available_timezones()
     if zones:
         near = nearest(draft.pilot.time_zone, zones)
-        hint = f"did you mean `{near}`?" if near else "example of a time zone: Europe/Lisbon"
+        hint = msg(f"did you mean `{arg(near)}`?" if near else "example of a time zone: Europe/Lisbon")
         yield draft.finding_at(
-            _draft.Part("pilot"), ("time_zone",), f"time zone `{draft.pilot.time_zone}` does not exist", hint
+            _draft.Part("pilot"), ("time_zone",), msg(f"time zone `{arg(draft.pilot.time_zone)}` does not exist"), hint
         )
 
 
@@ -200,7 +214,9 @@ def servers(draft: _draft.Draft) -> Iterator[Finding]:
     name_by_address: dict[IPv4Address, str] = {}
     for index, time_server in enumerate(draft.pilot.time_servers):
         if time_server.address in name_by_address:
-            message = f"{time_server.address} is already the address of {name_by_address[time_server.address]}"
+            message = msg(
+                f"{arg(time_server.address)} is already the address of {arg(name_by_address[time_server.address])}"
+            )
             yield draft.finding_at(
                 _draft.Part("pilot"), ("time_servers", index, "address"), message, "name another server"
             )

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft
 from atlantis_netcfg.inventory.model import Gateway
 
@@ -45,23 +46,25 @@ def claims(draft: _draft.Draft) -> Iterator[Claim]:
     """Yield every network that must not overlap another; the VPN's pools are inside the VPN and left out."""
     for name, site in draft.sites.items():
         part = _draft.Part("site", name)
-        yield Claim(site.lan.network, f"the LAN of `{name}`", part, ("lan", "network"))
-        yield Claim(site.management.network, f"the management network of `{name}`", part, ("management", "network"))
+        yield Claim(site.lan.network, msg(f"the LAN of `{arg(name)}`"), part, ("lan", "network"))
+        yield Claim(
+            site.management.network, msg(f"the management network of `{arg(name)}`"), part, ("management", "network")
+        )
         for index, site_link in enumerate(site.bearers):
             end = "carried" if site_link.kind.traits.bridge else ""
-            what = f"link `{site_link.name}` of `{name}`"
+            what = msg(f"link `{arg(site_link.name)}` of `{arg(name)}`")
             yield Claim(site_link.network, what, part, ("bearers", index, "network"), end)
         for index, link in enumerate(site.served_links):
-            what = f"link `{link.name}` of `{name}`"
+            what = msg(f"link `{arg(link.name)}` of `{arg(name)}`")
             yield Claim(link.network, what, part, ("served_links", index, "network"), "serving")
     for host, _, gateway in draft.valid_devices(Gateway):
         if gateway.access_point is not None:
-            network, what = gateway.access_point.network, f"the access point of `{host}`"
+            network, what = gateway.access_point.network, msg(f"the access point of `{arg(host)}`")
             yield Claim(network, what, _draft.Part("device", host), ("access_point", "network"))
     for name, vehicle in draft.vehicles.items():
         wifi = vehicle.endpoints.wifi
         if wifi is not None and wifi.client is not None:
-            network, what = wifi.client.network, f"the access point of `{name}`"
+            network, what = wifi.client.network, msg(f"the access point of `{arg(name)}`")
             yield Claim(network, what, _draft.Part("vehicle", name), ("endpoints", "wifi", "client", "network"))
     if draft.pilot is not None:
         yield Claim(draft.pilot.vpn.network, "the VPN", _draft.Part("pilot"), ("vpn", "network"))
@@ -106,9 +109,11 @@ def disjoint(draft: _draft.Draft) -> Iterator[Finding]:
         others = [other for other in network_index.over(claim.network) if not _is_same_bridge(claim, other)]
         if others:
             first = others[0]
-            more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-            where = f"{first.network} of {first.what} ({draft.where(first.part, *first.path)}){more}"
-            message = f"{claim.network} of {claim.what} overlaps {where}"
+            more = msg(f" and {arg(len(others) - 1)} more" if len(others) > 1 else "")
+            where = msg(
+                f"{arg(first.network)} of {arg(first.what)} ({arg(draft.where(first.part, *first.path))}){arg(more)}"
+            )
+            message = msg(f"{arg(claim.network)} of {arg(claim.what)} overlaps {arg(where)}")
             yield draft.finding_at(claim.part, claim.path, message, "give it a separate network")
         network_index.add(claim)
 
@@ -122,7 +127,9 @@ def usable(draft: _draft.Draft) -> Iterator[Finding]:
     for claim in claims(draft):
         for block, purpose in _RESERVED_NETWORKS:
             if claim.network.overlaps(block):
-                message = f"{claim.network} of {claim.what} overlaps {block}, which is for {purpose}"
+                message = msg(
+                    f"{arg(claim.network)} of {arg(claim.what)} overlaps {arg(block)}, which is for {arg(purpose)}"
+                )
                 yield draft.finding_at(
                     claim.part,
                     claim.path,
@@ -146,12 +153,16 @@ def pools(draft: _draft.Draft) -> Iterator[Finding]:
     for what, pool, part, path in (infrastructure, *partners):
         if not pool.subnet_of(vpn.network):
             where = draft.where(_draft.Part("pilot"), "vpn", "network")
-            message = f"the pool {pool} of {what} is not inside the VPN's network {vpn.network} ({where})"
-            yield draft.finding_at(part, path, message, f"choose a part of {vpn.network}")
+            message = msg(
+                f"the pool {arg(pool)} of {arg(what)} is not inside the VPN's network {arg(vpn.network)} ({arg(where)})"
+            )
+            yield draft.finding_at(part, path, message, msg(f"choose a part of {arg(vpn.network)}"))
         for other, other_pool, other_part, other_path in earlier_pools:
             if pool.overlaps(other_pool):
                 where = draft.where(other_part, *other_path)
-                message = f"the pool {pool} of {what} overlaps {other_pool} of {other} ({where})"
+                message = msg(
+                    f"the pool {arg(pool)} of {arg(what)} overlaps {arg(other_pool)} of {arg(other)} ({arg(where)})"
+                )
                 yield draft.finding_at(part, path, message, "give it a separate pool")
         earlier_pools.append((what, pool, part, path))
 
@@ -164,18 +175,18 @@ _POINT_TO_POINT = 31
 def why_unusable(address: IPv4Address, network: IPv4Network) -> str | None:
     """Return why a device cannot use the address; None if it can. A /31 has two usable addresses (RFC 3021)."""
     if address not in network:
-        return f"is outside {network}"
+        return msg(f"is outside {arg(network)}")
     if network.prefixlen >= _POINT_TO_POINT:
         return None
     if address == network.network_address:
-        return f"is the network's own address in {network}"
+        return msg(f"is the network's own address in {arg(network)}")
     if address == network.broadcast_address:
-        return f"is the broadcast address of {network}"
+        return msg(f"is the broadcast address of {arg(network)}")
     return None
 
 
 def example_in(network: IPv4Network) -> str:
     """Return a hint that names usable addresses of the network."""
     if network.prefixlen >= _POINT_TO_POINT:
-        return f"choose {network.network_address} or {network.broadcast_address}"
-    return f"choose one from {network.network_address + 1} to {network.broadcast_address - 1}"
+        return msg(f"choose {arg(network.network_address)} or {arg(network.broadcast_address)}")
+    return msg(f"choose one from {arg(network.network_address + 1)} to {arg(network.broadcast_address - 1)}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
 
@@ -31,7 +32,7 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
             first = index_by_name.setdefault(port.name, index)
             if first != index:
                 line = draft.mark(part, "ports", first, "name").line
-                message = f"port {port.name} is here twice, first in line {line}"
+                message = msg(f"port {arg(port.name)} is here twice, first in line {arg(line)}")
                 yield draft.finding_at(part, ("ports", index, "name"), message, "remove one, or name the other port")
 
 
@@ -41,10 +42,10 @@ def require_one_management_port(draft: _draft.Draft) -> Iterator[Finding]:
         part = _draft.Part("device", host)
         used = [index for index, port in enumerate(router.ports) if port.use is model.PortUse.MANAGEMENT]
         if not used:
-            message = f"`{host}` has no management port: nobody could reach it when its links fail"
+            message = msg(f"`{arg(host)}` has no management port: nobody could reach it when its links fail")
             yield draft.finding_at(part, ("ports",), message, "give one port `use: management`")
         for index in used[1:]:
-            message = f"`{host}` has a second management port, the first is {router.ports[used[0]].name}"
+            message = msg(f"`{arg(host)}` has a second management port, the first is {arg(router.ports[used[0]].name)}")
             hint = "keep one: the management network is on a single port"
             yield draft.finding_at(part, ("ports", index, "use"), message, hint)
 
@@ -53,7 +54,7 @@ def require_lan_port(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a LAN port on every router."""
     for host, _, router in draft.valid_devices(model.Router):
         if not any(port.use is model.PortUse.LAN for port in router.ports):
-            message = f"`{host}` has no LAN port: robots and gateway could not be connected"
+            message = msg(f"`{arg(host)}` has no LAN port: robots and gateway could not be connected")
             yield draft.finding_at(_draft.Part("device", host), ("ports",), message, "give one port `use: lan`")
 
 
@@ -62,12 +63,12 @@ def link_and_use(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, router in draft.valid_devices(model.Router):
         for index, port in enumerate(router.ports):
             if port.use is model.PortUse.LINK and port.link is None:
-                message = f"port {port.name} is for a link, but does not say which"
+                message = msg(f"port {arg(port.name)} is for a link, but does not say which")
                 yield draft.finding_at(
                     _draft.Part("device", host), ("ports", index), message, "add `link: <name of the link>`"
                 )
             elif port.use is not model.PortUse.LINK and port.link is not None:
-                message = f"port {port.name} names link `{port.link}`, but its use is {port.use}"
+                message = msg(f"port {arg(port.name)} names link `{arg(port.link)}`, but its use is {arg(port.use)}")
                 hint = "write `use: link`, or remove `link:`"
                 yield draft.finding_at(_draft.Part("device", host), ("ports", index, "link"), message, hint)
 
@@ -82,8 +83,9 @@ def known_links(draft: _draft.Draft) -> Iterator[Finding]:
             if port.link is None or port.use is not model.PortUse.LINK or port.link in links_of(site):
                 continue
             elsewhere = [other for other, item in draft.sites.items() if port.link in links_of(item)]
-            message = f"`{name}` has no link `{port.link}`" + (
-                f": that link belongs to `{elsewhere[0]}`" if elsewhere else ""
+            message = msg(
+                f"`{arg(name)}` has no link `{arg(port.link)}`"
+                + (f": that link belongs to `{arg(elsewhere[0])}`" if elsewhere else "")
             )
             hint = suggest(port.link, links_of(site), none="")
             yield draft.finding_at(_draft.Part("device", host), ("ports", index, "link"), message, hint)
@@ -104,10 +106,10 @@ def one_port_a_link(draft: _draft.Draft) -> Iterator[Finding]:
                 index for index, port in enumerate(router.ports) if port.use is model.PortUse.LINK and port.link == link
             ]
             if not used and not unclear:
-                message = f"no port of `{host}` leads to link `{link}` of `{name}`"
-                yield draft.finding_at(part, ("ports",), message, f"give one port `use: link, link: {link}`")
+                message = msg(f"no port of `{arg(host)}` leads to link `{arg(link)}` of `{arg(name)}`")
+                yield draft.finding_at(part, ("ports",), message, msg(f"give one port `use: link, link: {arg(link)}`"))
             for index in used[1:]:
-                message = f"link `{link}` is already on port {router.ports[used[0]].name}"
+                message = msg(f"link `{arg(link)}` is already on port {arg(router.ports[used[0]].name)}")
                 yield draft.finding_at(part, ("ports", index, "link"), message, "a link has one port")
 
 
@@ -117,10 +119,10 @@ def one_uplink(draft: _draft.Draft) -> Iterator[Finding]:
         part = _draft.Part("device", host)
         used = [index for index, port in enumerate(switch.ports) if port.use is model.SwitchPortUse.UPLINK]
         if not used:
-            message = f"`{host}` has no port towards the router: nobody could reach it"
+            message = msg(f"`{arg(host)}` has no port towards the router: nobody could reach it")
             yield draft.finding_at(part, ("ports",), message, "give one port `use: uplink`")
         for index in used[1:]:
-            message = f"`{host}` has a second uplink, the first is {switch.ports[used[0]].name}"
+            message = msg(f"`{arg(host)}` has a second uplink, the first is {arg(switch.ports[used[0]].name)}")
             yield draft.finding_at(
                 part, ("ports", index, "use"), message, "keep one: two cables to one LAN make a loop"
             )
@@ -131,7 +133,7 @@ def isolated_in_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, switch in draft.valid_devices(model.Switch):
         for index, port in enumerate(switch.ports):
             if port.isolated and port.use is not model.SwitchPortUse.LAN:
-                message = f"port {port.name} is isolated, but its use is {port.use}"
+                message = msg(f"port {arg(port.name)} is isolated, but its use is {arg(port.use)}")
                 yield draft.finding_at(
                     _draft.Part("device", host), ("ports", index, "isolated"), message, "write `use: lan`, or remove it"
                 )
@@ -190,15 +192,17 @@ def _can_feed(draft: _draft.Draft, host: str) -> bool:
 
 
 def _wrong_source(draft: _draft.Draft, host: str, source: str, able: list[str]) -> tuple[str, str] | None:
-    hint = f"name the router of the site: {', '.join(able)}" if able else "remove `powered_by:`"
+    hint = msg(f"name the router of the site: {arg(join(', ', able))}" if able else "remove `powered_by:`")
     if source not in draft.layout.hosts:
-        return f"host `{source}` does not exist", suggest(source, able, none=hint)
+        return msg(f"host `{arg(source)}` does not exist"), suggest(source, able, none=hint)
     if source == host:
-        return f"`{host}` cannot power itself", hint
+        return msg(f"`{arg(host)}` cannot power itself"), hint
     if draft.layout.hosts[source] != draft.layout.hosts[host]:
-        return f"`{source}` is at site `{draft.layout.hosts[source]}`, but `{host}` is not", hint
+        return msg(f"`{arg(source)}` is at site `{arg(draft.layout.hosts[source])}`, but `{arg(host)}` is not"), hint
     if draft.kind_of(source) is not None and not _can_feed(draft, source):
-        return f"`{source}` is a {draft.kind_of(source)}: only a router or a switch powers other devices", hint
+        return msg(
+            f"`{arg(source)}` is a {arg(draft.kind_of(source))}: only a router or a switch powers other devices"
+        ), hint
     return None
 
 
@@ -219,14 +223,16 @@ def _wrong_port(
 ) -> tuple[str, str] | None:
     ports: tuple[model.Port | model.SwitchPort, ...] = router.ports
     port = next((port for port in ports if port.name == source.port), None)
-    feeding = ", ".join(item.name for item in ports if item.poe is not None and item.poe.out is not model.PoeMode.OFF)
-    hint = f"ports of `{source.device}` that supply power: {feeding or 'none'}"
+    feeding = join(
+        ", ", (item.name for item in ports if item.poe is not None and item.poe.out is not model.PoeMode.OFF)
+    )
+    hint = msg(f"ports of `{arg(source.device)}` that supply power: {arg(feeding or 'none')}")
     if port is None:
-        return f"`{source.device}` has no port {source.port}", hint
+        return msg(f"`{arg(source.device)}` has no port {arg(source.port)}"), hint
     if port.poe is None:
-        return f"port {port.name} of `{source.device}` cannot supply power: it has no `poe`", hint
+        return msg(f"port {arg(port.name)} of `{arg(source.device)}` cannot supply power: it has no `poe`"), hint
     if port.poe.out is model.PoeMode.OFF:
-        return f"port {port.name} of `{source.device}` has its power turned off", hint
+        return msg(f"port {arg(port.name)} of `{arg(source.device)}` has its power turned off"), hint
     if is_shared:
         return None  # two devices on one port: that is told, and which of them is right is not known
     return _other_cable(draft, host, source, router)
@@ -240,18 +246,23 @@ def _other_cable(
     if link is None:
         return None
     if isinstance(router, model.Switch):
-        message = f"`{host}` carries link `{link}`, but port {source.port} of `{source.device}` is in the LAN"
+        message = msg(
+            f"`{arg(host)}` carries link `{arg(link)}`, but port {arg(source.port)} of `{arg(source.device)}` is in "
+            "the LAN"
+        )
         return message, "power and data share one cable, and that of a link leads to the router"
     port = next(port for port in router.ports if port.name == source.port)
     if port.use is model.PortUse.LINK and port.link in _links_at(draft, host) - {link}:
-        message = f"`{host}` carries link `{link}`, but port {port.name} leads to link `{port.link}`"
-        return message, "power and data use one cable: " + _port_hint(router.ports, link)
+        message = msg(
+            f"`{arg(host)}` carries link `{arg(link)}`, but port {arg(port.name)} leads to link `{arg(port.link)}`"
+        )
+        return message, msg("power and data use one cable: " + str(arg(_port_hint(router.ports, link))))
     return None
 
 
 def _port_hint(ports: tuple[model.Port, ...], link: str) -> str:
     right = next((port.name for port in ports if port.link == link), None)
-    return f"port: {right}" if right is not None else "name the port of its link"
+    return msg(f"port: {arg(right)}" if right is not None else "name the port of its link")
 
 
 def _links(draft: _draft.Draft, host: str) -> tuple[model.Link | model.ServedLink, ...]:
@@ -274,7 +285,9 @@ def one_device_a_port(draft: _draft.Draft) -> Iterator[Finding]:
         first = first_hosts.setdefault((source.device, source.port), host)
         if first != host:
             where = draft.where(_draft.Part("device", first), "powered_by", "port")
-            message = f"port {source.port} of `{source.device}` already powers `{first}` ({where})"
+            message = msg(
+                f"port {arg(source.port)} of `{arg(source.device)}` already powers `{arg(first)}` ({arg(where)})"
+            )
             yield draft.finding_at(
                 _draft.Part("device", host), ("powered_by", "port"), message, "a port powers one device"
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, findings
 from atlantis_netcfg.inventory._yaml import SealedSecret
 from atlantis_netcfg.inventory.model import KEY_OCTETS, Transport
@@ -25,10 +26,10 @@ def reflector(draft: _draft.Draft) -> Iterator[findings.Finding]:
     path = ("qualify", "reflector")
     if host not in draft.layout.hosts:
         hint = findings.suggest(host, centres, none="add a host of group control_centres")
-        yield draft.finding_at(_PILOT, path, f"host `{host}` does not exist", hint)
+        yield draft.finding_at(_PILOT, path, msg(f"host `{arg(host)}` does not exist"), hint)
     elif kind not in {None, "control_centre"}:
-        hint = f"name a control_centre: {findings.choices(centres) or 'none available'}"
-        yield draft.finding_at(_PILOT, path, f"`{host}` is a {kind}", hint)
+        hint = msg(f"name a control_centre: {arg(findings.choices(centres) or 'none available')}")
+        yield draft.finding_at(_PILOT, path, msg(f"`{arg(host)}` is a {arg(kind)}"), hint)
 
 
 def port_is_free(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -43,8 +44,8 @@ def port_is_free(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for index, forward in enumerate(router.forwards):
         if (forward.transport, forward.port) == (Transport.UDP, qualify.port):
             where = draft.where(_draft.Part("device", host), "forwards", index, "port")
-            message = f"udp port {qualify.port} is already forwarded to `{forward.to}` ({where})"
-            hint = f"choose another `port:`, or remove that row: `{host}` forwards this port itself"
+            message = msg(f"udp port {arg(qualify.port)} is already forwarded to `{arg(forward.to)}` ({arg(where)})")
+            hint = msg(f"choose another `port:`, or remove that row: `{arg(host)}` forwards this port itself")
             yield draft.finding_at(_PILOT, ("qualify", "port"), message, hint)
 
 
@@ -54,7 +55,7 @@ def key_is_long(draft: _draft.Draft) -> Iterator[findings.Finding]:
         return
     length = len(draft.pilot.qualify.key.reveal().encode())
     if length < KEY_OCTETS:
-        message = f"the key has {length} octets, but {KEY_OCTETS} are needed"
+        message = msg(f"the key has {arg(length)} octets, but {arg(KEY_OCTETS)} are needed")
         yield draft.finding_at(_PILOT, ("qualify", "key"), message, "`openssl rand -base64 24` creates one")
 
 
@@ -66,7 +67,9 @@ def address_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for claim in claims(draft):
         if claim.path[0] in {"vpn", "lan", "management", "served_links"} and address in claim.network:
             where = draft.where(claim.part, *claim.path)
-            message = f"the far end {address} is inside {claim.what}, {claim.network} ({where})"
+            message = msg(
+                f"the far end {arg(address)} is inside {arg(claim.what)}, {arg(claim.network)} ({arg(where)})"
+            )
             hint = "set the public address of the control centre, or remove `address:` to use `vpn.endpoint`"
             yield draft.finding_at(_PILOT, ("qualify", "address"), message, hint)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import _draft, channels, findings, model
 from atlantis_netcfg.inventory._yaml import SealedSecret
 
@@ -39,9 +40,11 @@ def standard_and_band(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for part, block, radio in _transmitters(draft):
         bands = channels.BANDS[radio.standard]
         if radio.band not in bands:
-            message = f"{radio.standard} is a standard of {' and '.join(bands)}, not of {radio.band}"
+            message = msg(
+                f"{arg(radio.standard)} is a standard of {arg(' and '.join(bands))}, not of {arg(radio.band)}"
+            )
             fitting = [standard for standard, its in channels.BANDS.items() if radio.band in its]
-            hint = f"write `band: {bands[0]}`, or one of {', '.join(fitting)}"
+            hint = msg(f"write `band: {arg(bands[0])}`, or one of {arg(join(', ', fitting))}")
             yield draft.finding_at(part, (block, "standard"), message, hint)
 
 
@@ -50,15 +53,17 @@ def width(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for part, block, radio in _transmitters(draft):
         widths = [item for item in channels.WIDTHS[radio.standard] if item <= _WIDEST[radio.band]]
         if radio.width_mhz not in widths:
-            message = f"{radio.standard} at {radio.band} has no channels of {radio.width_mhz} MHz"
-            yield draft.finding_at(part, (block, "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
+            message = msg(f"{arg(radio.standard)} at {arg(radio.band)} has no channels of {arg(radio.width_mhz)} MHz")
+            yield draft.finding_at(
+                part, (block, "width_mhz"), message, msg(f"choose {arg(' or '.join(map(str, widths)))}")
+            )
 
 
 def protocol_and_standard(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Refuse nv2 and nstreme with 802.11ax: only the package `wireless` has them (MikroTik manual, WiFi)."""
     for _, part, ptp in _radios(draft):
         if ptp.standard == "802.11ax" and ptp.protocol is not model.PtpProtocol.IEEE_80211:
-            message = f"an 802.11ax device does not support {ptp.protocol}"
+            message = msg(f"an 802.11ax device does not support {arg(ptp.protocol)}")
             yield draft.finding_at(part, ("ptp", "protocol"), message, 'write "802.11", or choose an older standard')
 
 
@@ -95,7 +100,7 @@ def menus_of_an_access_point(draft: _draft.Draft) -> Iterator[findings.Finding]:
             if getattr(radio, name) == value:
                 hint = "write `menus: wifi` if the router has them, or choose an older standard"
                 yield draft.finding_at(
-                    part, ("access_point", name), f"the `wireless` menus do not support {value}", hint
+                    part, ("access_point", name), msg(f"the `wireless` menus do not support {arg(value)}"), hint
                 )
 
 
@@ -107,7 +112,9 @@ def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
             continue
         if {ptp.menus, other.ptp.menus} == {model.RadioMenus.WIRELESS, model.RadioMenus.WIFI}:
             where = draft.where(_draft.Part("device", ptp.peer), "ptp", "menus")
-            message = f"`menus` is {ptp.menus} here and {other.ptp.menus} at the other end ({where})"
+            message = msg(
+                f"`menus` is {arg(ptp.menus)} here and {arg(other.ptp.menus)} at the other end ({arg(where)})"
+            )
             hint = "a bridge needs the same driver at both ends: use two devices of one family"
             yield draft.finding_at(part, ("ptp", "menus"), message, hint)
 
@@ -135,21 +142,22 @@ def channel(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for part, block, radio in _transmitters(draft):
         legal_channels = channels.legal(radio.country, radio.band, radio.width_mhz, outdoors=radio.outdoor)
         where = "outdoors" if radio.outdoor else "indoors"
-        hint = (
-            f"channels {where} in {radio.country}: {findings.choices(map(str, legal_channels))}"
+        hint = msg(
+            f"channels {arg(where)} in {arg(radio.country)}: {arg(findings.choices(map(str, legal_channels)))}"
             if legal_channels
             else "choose a smaller width"
         )
         if not channels.is_channel(radio.band, radio.frequency_mhz):
-            message = f"{radio.frequency_mhz} MHz is not a channel of {radio.band}"
+            message = msg(f"{arg(radio.frequency_mhz)} MHz is not a channel of {arg(radio.band)}")
             yield draft.finding_at(part, (block, "frequency_mhz"), message, hint)
         elif why := channels.why_illegal(
             radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor
         ):
-            message = (
-                f"{radio.frequency_mhz} MHz with {radio.width_mhz} MHz width is not legal {where} in {radio.country}"
+            message = msg(
+                f"{arg(radio.frequency_mhz)} MHz with {arg(radio.width_mhz)} MHz width is not legal {arg(where)} in "
+                f"{arg(radio.country)}"
             )
-            yield draft.finding_at(part, (block, "frequency_mhz"), f"{message}: {why}", hint)
+            yield draft.finding_at(part, (block, "frequency_mhz"), msg(f"{arg(message)}: {arg(why)}"), hint)
 
 
 def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -159,7 +167,9 @@ def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for part, block, radio in _transmitters(draft):
         if radio.country != draft.pilot.country:
             where = draft.where(_draft.Part("pilot"), "country")
-            message = f"the radio's country is {radio.country}, the pilot's is {draft.pilot.country} ({where})"
+            message = msg(
+                f"the radio's country is {arg(radio.country)}, the pilot's is {arg(draft.pilot.country)} ({arg(where)})"
+            )
             yield draft.finding_at(part, (block, "country"), message, "make both equal")
 
 
@@ -212,18 +222,21 @@ def peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
         peer = draft.devices.get(ptp.peer)
         if ptp.peer not in draft.layout.hosts:
             problem = (
-                f"host `{ptp.peer}` does not exist",
+                msg(f"host `{arg(ptp.peer)}` does not exist"),
                 findings.suggest(ptp.peer, other_ends, none="add it to hosts.yml"),
             )
         elif ptp.peer == host:
-            problem = (f"`{host}` is its own peer", f"name the other end: {findings.choices(other_ends)}")
+            problem = (
+                msg(f"`{arg(host)}` is its own peer"),
+                msg(f"name the other end: {arg(findings.choices(other_ends))}"),
+            )
         elif draft.kind_of(ptp.peer) not in {"cpe", None}:
-            message = f"`{ptp.peer}` is a {draft.kind_of(ptp.peer)}, not the other end of the bridge"
-            problem = (message, f"name the other end: {findings.choices(other_ends)}")
+            message = msg(f"`{arg(ptp.peer)}` is a {arg(draft.kind_of(ptp.peer))}, not the other end of the bridge")
+            problem = (message, msg(f"name the other end: {arg(findings.choices(other_ends))}"))
         elif isinstance(peer, model.Cpe) and peer.ptp.peer not in {host, ptp.peer} and peer.ptp.peer in others:
             where = draft.where(_draft.Part("device", ptp.peer), "ptp", "peer")
             problem = (
-                f"the peer `{ptp.peer}` has another peer, `{peer.ptp.peer}` ({where})",
+                msg(f"the peer `{arg(ptp.peer)}` has another peer, `{arg(peer.ptp.peer)}` ({arg(where)})"),
                 "set each as the peer of the other",
             )
         else:
@@ -244,17 +257,19 @@ def agree(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for name in shared_keys:
             here, there = getattr(ptp, name), getattr(other.ptp, name)
             if here != there:
-                text = f"`{name}` is {_format_value(here)} here and {_format_value(there)} at the other end"
-                message = f"{text} ({draft.where(first, 'ptp', name)})"
+                text = msg(
+                    f"`{arg(name)}` is {arg(_format_value(here))} here and {arg(_format_value(there))} at the other end"
+                )
+                message = msg(f"{arg(text)} ({arg(draft.where(first, 'ptp', name))})")
                 yield draft.finding_at(part, ("ptp", name), message, "make both ends the same")
         is_sealed = isinstance(ptp.key, SealedSecret) or isinstance(other.ptp.key, SealedSecret)
         if not is_sealed and ptp.key != other.ptp.key:
-            message = f"the key differs from the other end's ({draft.where(first, 'ptp', 'key')})"
+            message = msg(f"the key differs from the other end's ({arg(draft.where(first, 'ptp', 'key'))})")
             yield draft.finding_at(part, ("ptp", "key"), message, "make both ends the same")
         if ptp.mode is other.ptp.mode:
-            both = f"both ends are {ptp.mode} ({draft.where(first, 'ptp', 'mode')})"
+            both = msg(f"both ends are {arg(ptp.mode)} ({arg(draft.where(first, 'ptp', 'mode'))})")
             opposite = next(mode for mode in model.PtpMode if mode is not ptp.mode)
-            yield draft.finding_at(part, ("ptp", "mode"), both, f"write `mode: {opposite}` at one of them")
+            yield draft.finding_at(part, ("ptp", "mode"), both, msg(f"write `mode: {arg(opposite)}` at one of them"))
 
 
 def _is_second_end(draft: _draft.Draft, host: str, peer: str) -> bool:
@@ -280,11 +295,12 @@ def check_bridge_radios(draft: _draft.Draft) -> Iterator[findings.Finding]:
             peer = here.ptp.peer if isinstance(here, model.Cpe) else None
             is_known_peer = peer is not None and draft.kind_of(peer) == "cpe" and peer != link.device
             if is_known_peer and carried_boxes and None not in carried_boxes and peer not in carried_boxes:
-                message = (
-                    f"`{link.device}` points at `{peer}`, which is not the radio of the bridge at `{link.carries}`"
+                message = msg(
+                    f"`{arg(link.device)}` points at `{arg(peer)}`, which is not the radio of the bridge at "
+                    f"`{arg(link.carries)}`"
                 )
-                hint = (
-                    f"its peer must be {findings.choices(str(item) for item in carried_boxes)}: correct `peer` "
+                hint = msg(
+                    f"its peer must be {arg(findings.choices(str(item) for item in carried_boxes))}: correct `peer` "
                     "or `carries`"
                 )
                 yield draft.finding_at(_draft.Part("site", name), ("served_links", index, "device"), message, hint)
@@ -323,7 +339,7 @@ def bounds(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Require that the weakest signal level is below the strongest."""
     for _, part, ptp in _radios(draft):
         if ptp.signal.weakest_dbm >= ptp.signal.strongest_dbm:
-            message = f"the weakest level, {ptp.signal.weakest_dbm} dBm, is not below the strongest"
+            message = msg(f"the weakest level, {arg(ptp.signal.weakest_dbm)} dBm, is not below the strongest")
             message += f", {ptp.signal.strongest_dbm} dBm"
             yield draft.finding_at(part, ("ptp", "signal"), message, "swap them: -75 dBm is weaker than -35 dBm")
 
@@ -337,11 +353,16 @@ def eirp(draft: _draft.Draft) -> Iterator[findings.Finding]:
             radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor
         )
         if limit is not None and radio.tx_power_dbm + radio.antenna_gain_dbi > limit:
-            message = f"{radio.tx_power_dbm} dBm with an antenna of {radio.antenna_gain_dbi} dBi radiates"
-            message += f" {radio.tx_power_dbm + radio.antenna_gain_dbi} dBm; {radio.country} allows {limit:g} dBm"
-            message += f" at {radio.frequency_mhz} MHz"
+            message = msg(
+                f"{arg(radio.tx_power_dbm)} dBm with an antenna of {arg(radio.antenna_gain_dbi)} dBi radiates"
+            )
+            message += msg(
+                f" {arg(radio.tx_power_dbm + radio.antenna_gain_dbi)} dBm; {arg(radio.country)} allows {arg(limit):g} "
+                "dBm"
+            )
+            message += msg(f" at {arg(radio.frequency_mhz)} MHz")
             most = int(limit) - radio.antenna_gain_dbi
-            hint = f"write `tx_power_dbm: {most}` or less" if most >= 0 else "use an antenna with less gain"
+            hint = msg(f"write `tx_power_dbm: {arg(most)}` or less" if most >= 0 else "use an antenna with less gain")
             yield draft.finding_at(part, (block, "tx_power_dbm"), message, hint)
 
 
@@ -350,7 +371,9 @@ def short_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for _, part, ptp in _radios(draft):
         if ptp.distance_m is None or ptp.distance_m >= _SHORT_M or ptp.tx_power_dbm is not None:
             continue
-        message = f"over {ptp.distance_m} m, full power overdrives the other receiver: `tx_power_dbm` must be set"
+        message = msg(
+            f"over {arg(ptp.distance_m)} m, full power overdrives the other receiver: `tx_power_dbm` must be set"
+        )
         yield draft.finding_at(part, ("ptp", "distance_m"), message, _power(ptp, ptp.distance_m))
 
 
@@ -364,8 +387,14 @@ def _power(ptp: model.Ptp, distance_m: int) -> str:
     power = max(0, round(_AIM_DBM - between))
     if limit is not None and power + gain > limit:
         most = max(0, int(limit) - gain)
-        return f"the law allows `tx_power_dbm: {most}`, received at about {most + between:.0f} dBm: use larger antennas"
-    return f"write `tx_power_dbm: {power}`, received at the other end at about {power + between:.0f} dBm in free space"
+        return msg(
+            f"the law allows `tx_power_dbm: {arg(most)}`, received at about {arg(most + between):.0f} dBm: use larger "
+            "antennas"
+        )
+    return msg(
+        f"write `tx_power_dbm: {arg(power)}`, received at the other end at about {arg(power + between):.0f} dBm in "
+        "free space"
+    )
 
 
 def level(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -393,7 +422,10 @@ def level(draft: _draft.Draft) -> Iterator[findings.Finding]:
         else:
             continue
         where = draft.where(_draft.Part("device", ptp.peer), "ptp", "signal")
-        message = f"`{ptp.peer}` would receive {received_dbm:.0f} dBm over {distance_m} m, {what} in the inventory"
+        message = msg(
+            f"`{arg(ptp.peer)}` would receive {arg(received_dbm):.0f} dBm over {arg(distance_m)} m, {arg(what)} in the "
+            "inventory"
+        )
         yield draft.finding_at(
             part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m)
         )

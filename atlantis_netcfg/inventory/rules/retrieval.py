@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
 
@@ -36,12 +37,12 @@ def robots_known(draft: _draft.Draft) -> Iterator[Finding]:
         path = ("retrieval", "robots", index, "robot")
         if name not in vehicle_names:
             hint = suggest(name, vehicle_names, none="add it to vehicles.yml")
-            yield draft.finding_at(_PILOT, path, f"vehicle `{name}` does not exist", hint)
+            yield draft.finding_at(_PILOT, path, msg(f"vehicle `{arg(name)}` does not exist"), hint)
         elif name in names[:index]:
             hint = "keep the one with the gateway of the site where the robot is now"
-            yield draft.finding_at(_PILOT, path, f"`{name}` is twice in this list", hint)
+            yield draft.finding_at(_PILOT, path, msg(f"`{arg(name)}` is twice in this list"), hint)
         elif name in draft.layout.hosts:
-            message = f"`{name}` is also the name of a computer; both would use the same folder"
+            message = msg(f"`{arg(name)}` is also the name of a computer; both would use the same folder")
             yield draft.finding_at(_PILOT, path, message, "give the vehicle another key")
 
 
@@ -56,16 +57,20 @@ def require_unmetered_collection(draft: _draft.Draft) -> Iterator[Finding]:
             continue  # that is told
         if robot.address is None:
             if robot.robot not in [reservation.name for reservation in site.lan.reservations]:
-                message = f"the address of `{robot.robot}` at {here} is missing"
-                hint = f"add `address:` here, or reserve one in `lan.reservations` of {here}"
+                message = msg(f"the address of `{arg(robot.robot)}` at {arg(here)} is missing")
+                hint = msg(f"add `address:` here, or reserve one in `lan.reservations` of {arg(here)}")
                 yield draft.finding_at(_PILOT, path, message, hint)
             continue
         wifi = vehicle.endpoints.wifi
         radio = wifi.client.network if wifi is not None and wifi.client is not None else None
         if robot.address not in site.lan.network and (radio is None or robot.address not in radio):
-            message = f"{robot.address} is neither in the LAN of {here} nor in the network of `{robot.robot}` itself"
-            hint = (
-                f"collected data is not counted, so it must stay at the site: {site.lan.network} is the LAN of {here}"
+            message = msg(
+                f"{arg(robot.address)} is neither in the LAN of {arg(here)} nor in the network of `{arg(robot.robot)}` "
+                "itself"
+            )
+            hint = msg(
+                f"collected data is not counted, so it must stay at the site: {arg(site.lan.network)} is the LAN of "
+                f"{arg(here)}"
             )
             yield draft.finding_at(_PILOT, (*path, "address"), message, hint)
 
@@ -77,13 +82,13 @@ def check_collection_folder(draft: _draft.Draft) -> Iterator[Finding]:
     for index, source in enumerate(retrieval.sources if retrieval is not None else ()):
         if source.host in gateways and _overlaps_collection(source.folder):
             path = ("retrieval", "sources", index, "folder")
-            message = f"{source.folder} is where `{source.host}` stores what it collects from robots"
+            message = msg(f"{arg(source.folder)} is where `{arg(source.host)}` stores what it collects from robots")
             yield draft.finding_at(
                 _PILOT, path, message, "choose another folder: the data is sent under the robot's own name"
             )
     for host, _, device in draft.valid_devices(model.Gateway):
         if host in gateways and device.recording is not None and _overlaps_collection(device.recording.folder):
-            message = f"{device.recording.folder} is where `{host}` stores what it collects from robots"
+            message = msg(f"{arg(device.recording.folder)} is where `{arg(host)}` stores what it collects from robots")
             yield draft.finding_at(_draft.Part("device", host), ("recording",), message, "choose another folder")
 
 
@@ -100,7 +105,7 @@ def sources_once(draft: _draft.Draft) -> Iterator[Finding]:
     for index, name in enumerate(names):
         if name in names[:index]:
             path = ("retrieval", "sources", index, "host")
-            yield draft.finding_at(_PILOT, path, f"`{name}` is twice in this list", "remove one")
+            yield draft.finding_at(_PILOT, path, msg(f"`{arg(name)}` is twice in this list"), "remove one")
 
 
 def _check_retrieval_host(
@@ -109,24 +114,29 @@ def _check_retrieval_host(
     where = ("retrieval", *path)
     if name not in draft.layout.hosts:
         host_names = [host for host, _, _ in draft.valid_devices(kind)]
-        hint = suggest(name, host_names, none=f"add the {words} first")
-        yield draft.finding_at(_PILOT, where, f"host `{name}` does not exist", hint)
+        hint = suggest(name, host_names, none=msg(f"add the {arg(words)} first"))
+        yield draft.finding_at(_PILOT, where, msg(f"host `{arg(name)}` does not exist"), hint)
         return
     device = draft.devices.get(name)
     if device is None:
         return  # that is told
     if not isinstance(device, kind):
-        hint = (
-            f"name a {words}: {', '.join(host for host, _, _ in draft.valid_devices(kind)) or 'none in the inventory'}"
+        hint = msg(
+            f"name a {arg(words)}: "
+            f"{arg(join(', ', (host for host, _, _ in draft.valid_devices(kind))) or 'none in the inventory')}"
         )
-        yield draft.finding_at(_PILOT, where, f"`{name}` is not a {words}", hint)
+        yield draft.finding_at(_PILOT, where, msg(f"`{arg(name)}` is not a {arg(words)}"), hint)
         return
     if device.vpn_address is None:
-        message = f"recordings are sent through the VPN, but `{name}` has no VPN address"
-        yield draft.finding_at(_PILOT, where, message, f"set `vpn_address:` of `{name}`")
+        message = msg(f"recordings are sent through the VPN, but `{arg(name)}` has no VPN address")
+        yield draft.finding_at(_PILOT, where, message, msg(f"set `vpn_address:` of `{arg(name)}`"))
     if device.ssh.host_key is None or device.ssh.host_key.startswith(_HARDWARE):
-        message = f"the two ends of a transfer identify each other by SSH host keys, but that of `{name}` is missing"
-        hint = f"set `ssh: {{host_key: …}}` in host_vars/{name}.yml, from its /etc/ssh/ssh_host_ed25519_key.pub"
+        message = msg(
+            f"the two ends of a transfer identify each other by SSH host keys, but that of `{arg(name)}` is missing"
+        )
+        hint = msg(
+            f"set `ssh: {{host_key: …}}` in host_vars/{arg(name)}.yml, from its /etc/ssh/ssh_host_ed25519_key.pub"
+        )
         yield draft.finding_at(_PILOT, where, message, hint)
 
 

@@ -9,6 +9,7 @@ from ipaddress import IPv4Address
 from math import ceil
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, model, satellite_allow_list
 
 if TYPE_CHECKING:
@@ -28,9 +29,9 @@ def only_on_satellites(draft: _draft.Draft) -> Iterator[Finding]:
                 continue
             for key, what in (("allow", "an allow-list is"), ("refused_probes", "targets to be refused are")):
                 if getattr(link, key):
-                    message = f"link `{link.name}` is {link.kind}: {what} for satellites only"
+                    message = msg(f"link `{arg(link.name)}` is {arg(link.kind)}: {arg(what)} for satellites only")
                     yield draft.finding_at(
-                        _draft.Part("site", name), ("bearers", index, key), message, f"remove `{key}:`"
+                        _draft.Part("site", name), ("bearers", index, key), message, msg(f"remove `{arg(key)}:`")
                     )
 
 
@@ -47,10 +48,12 @@ def refuse_derived_targets(draft: _draft.Draft) -> Iterator[Finding]:
             if same is not None:
                 target_names = {
                     satellite_allow_list.VPN_TARGET: "the VPN",
-                    satellite_allow_list.FAR_END_TARGET: f"the {satellite_allow_list.FAR_END_TARGET}",
+                    satellite_allow_list.FAR_END_TARGET: msg(f"the {arg(satellite_allow_list.FAR_END_TARGET)}"),
                 }
                 what = target_names.get(same.name, f"the time server {same.name}")
-                message = f"`{link.name}` always admits {what}: {_describe_target(target)} needs no entry"
+                message = msg(
+                    f"`{arg(link.name)}` always admits {arg(what)}: {arg(_describe_target(target))} needs no entry"
+                )
                 hint = "remove it; `allow:` contains only additions to the VPN and the time servers"
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "allow", place), message, hint)
 
@@ -63,7 +66,7 @@ def each_once(draft: _draft.Draft) -> Iterator[Finding]:
             for place, target in enumerate(getattr(link, key)):
                 if _key(target) in seen_targets:
                     verb = "admits" if key == "allow" else "probes"
-                    message = f"`{link.name}` {verb} {target.address} twice in the same way"
+                    message = msg(f"`{arg(link.name)}` {arg(verb)} {arg(target.address)} twice in the same way")
                     yield draft.finding_at(
                         _draft.Part("site", name), ("bearers", index, key, place), message, "remove one"
                     )
@@ -80,14 +83,14 @@ def refused_means_refused(draft: _draft.Draft) -> Iterator[Finding]:
             if satellite_allow_list.admits(
                 satellite_allow_list.allowed_targets(draft.pilot, link), target.address, target.port, target.transport
             ):
-                message = (
-                    f"`{link.name}` admits {_describe_target(target)}, so a test of it cannot prove that "
+                message = msg(
+                    f"`{arg(link.name)}` admits {arg(_describe_target(target))}, so a test of it cannot prove that "
                     "traffic is refused"
                 )
                 hint = "name your own address or port that is not on the allow-list"
                 yield draft.finding_at(_draft.Part("site", name), path, message, hint)
             elif target.address in link.network:
-                message = f"{target.address} is in {link.network}, on this side of the satellite"
+                message = msg(f"{arg(target.address)} is in {arg(link.network)}, on this side of the satellite")
                 yield draft.finding_at(
                     _draft.Part("site", name), path, message, "name your own address on the other side"
                 )
@@ -101,8 +104,9 @@ def one_factory_address(draft: _draft.Draft) -> Iterator[Finding]:
         for other, place, unit in draft.valid_devices(model.LteRouter):
             if place == site and unit.address == FACTORY_ADDRESS:
                 where = draft.where(_draft.Part("device", other), "address")
-                message = (
-                    f"`{host}` and `{other}` ({where}) are both at {FACTORY_ADDRESS}, the factory address of both makes"
+                message = msg(
+                    f"`{arg(host)}` and `{arg(other)}` ({arg(where)}) are both at {arg(FACTORY_ADDRESS)}, the factory "
+                    "address of both makes"
                 )
                 hint = "set another network on the web pages of one of them, then enter it here and in `bearers:`"
                 yield draft.finding_at(_draft.Part("device", host), ("address",), message, hint)
@@ -116,11 +120,11 @@ def evidence_is_whole(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         if (evidence.backup_file is None) != (evidence.backup_sha256 is None):
             missing = "backup_sha256" if evidence.backup_sha256 is None else "backup_file"
-            message = f"the evidence of `{host}` names a backup without `{missing}`"
+            message = msg(f"the evidence of `{arg(host)}` names a backup without `{arg(missing)}`")
             hint = "add it (sha256sum FILE prints the hash), or remove both"
             yield draft.finding_at(part, ("evidence",), message, hint)
         if evidence.backup_file is not None and ("/" in evidence.backup_file or evidence.backup_file.startswith(".")):
-            message = f"`{evidence.backup_file}` is not a plain file name"
+            message = msg(f"`{arg(evidence.backup_file)}` is not a plain file name")
             hint = "put the file into the folder evidence/ of the inventory, and write only its name"
             yield draft.finding_at(part, ("evidence", "backup_file"), message, hint)
 
@@ -137,7 +141,11 @@ def _key(target: model.AllowedTarget) -> tuple[IPv4Address, int | None, model.Tr
 
 
 def _describe_target(target: model.AllowedTarget) -> str:
-    return f"{target.address} port {target.port} {target.transport}" if target.port else f"{target.address}"
+    return msg(
+        f"{arg(target.address)} port {arg(target.port)} {arg(target.transport)}"
+        if target.port
+        else f"{arg(target.address)}"
+    )
 
 
 RULES: tuple[_draft.Rule, ...] = (
@@ -159,8 +167,8 @@ def refuse_cost_on_unmetered(draft: _draft.Draft) -> Iterator[Finding]:
     for name, index, link in _links(draft):
         for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur", *_PROBE_TARGET_BUDGETS):
             if not link.metered and key in link.model_fields_set and getattr(link, key) is not None:
-                message = f"link `{link.name}` is free (`metered: false`), so `{key}` has no effect"
-                hint = f"remove `{key}:`, or write `metered: true` if every byte costs money"
+                message = msg(f"link `{arg(link.name)}` is free (`metered: false`), so `{arg(key)}` has no effect")
+                hint = msg(f"remove `{arg(key)}:`, or write `metered: true` if every byte costs money")
                 yield draft.finding_at(_draft.Part("site", name), ("bearers", index, key), message, hint)
 
 
@@ -168,8 +176,10 @@ def leaves_room_to_read(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a cap large enough to read one router; below that it would forbid everything."""
     for name, index, link in _links(draft):
         if link.metered and link.cap_mb < _LEAST_MB:
-            message = f"link `{link.name}` admits {link.cap_mb:g} MB per action, too little to read one router"
-            hint = f"write {_LEAST_MB:g} or more; nothing is sent without consent to the cost"
+            message = msg(
+                f"link `{arg(link.name)}` admits {arg(link.cap_mb):g} MB per action, too little to read one router"
+            )
+            hint = msg(f"write {arg(_LEAST_MB):g} or more; nothing is sent without consent to the cost")
             yield draft.finding_at(_draft.Part("site", name), ("bearers", index, "cap_mb"), message, hint)
 
 
@@ -178,8 +188,9 @@ def a_floor_has_a_rate(draft: _draft.Draft) -> Iterator[Finding]:
     for name, index, link in _links(draft):
         billing = link.billing
         if billing is not None and billing.floor_after_s and not billing.floor_bytes_per_s:
-            message = (
-                f"the tariff of link `{link.name}` has a floor from {billing.floor_after_s} s on, but no value for it"
+            message = msg(
+                f"the tariff of link `{arg(link.name)}` has a floor from {arg(billing.floor_after_s)} s on, but no "
+                "value for it"
             )
             hint = "add `floor_bytes_per_s` from the contract, or remove `floor_after_s`"
             yield draft.finding_at(
@@ -195,12 +206,16 @@ def a_budget_in_euro_has_a_tariff(draft: _draft.Draft) -> Iterator[Finding]:
                 continue
             billing, path, in_mb = link.billing, ("bearers", index, key), key.replace("_eur", "_mb")
             if billing is None:
-                message = f"link `{link.name}` has a budget in EUR but no tariff, so the budget cannot be checked"
-                hint = f"add `billing:` from the contract, or write `{in_mb}:`"
+                message = msg(
+                    f"link `{arg(link.name)}` has a budget in EUR but no tariff, so the budget cannot be checked"
+                )
+                hint = msg(f"add `billing:` from the contract, or write `{arg(in_mb)}:`")
                 yield draft.finding_at(_draft.Part("site", name), path, message, hint)
             elif billing.currency != "EUR":
-                message = f"the tariff of link `{link.name}` is in {billing.currency}, but its budget is in EUR"
-                yield draft.finding_at(_draft.Part("site", name), path, message, f"write `{in_mb}:` instead")
+                message = msg(
+                    f"the tariff of link `{arg(link.name)}` is in {arg(billing.currency)}, but its budget is in EUR"
+                )
+                yield draft.finding_at(_draft.Part("site", name), path, message, msg(f"write `{arg(in_mb)}:` instead"))
 
 
 def a_budget_of_probe_targets_is_of_use(draft: _draft.Draft) -> Iterator[Finding]:
@@ -211,19 +226,21 @@ def a_budget_of_probe_targets_is_of_use(draft: _draft.Draft) -> Iterator[Finding
             continue
         path = ("bearers", index, key)
         if not link.canaries:
-            message = f"link `{link.name}` has a budget for probe targets, but no probe targets"
-            yield draft.finding_at(_draft.Part("site", name), path, message, f"add `canaries:`, or remove `{key}:`")
+            message = msg(f"link `{arg(link.name)}` has a budget for probe targets, but no probe targets")
+            yield draft.finding_at(
+                _draft.Part("site", name), path, message, msg(f"add `canaries:`, or remove `{arg(key)}:`")
+            )
         elif link.probe_target_pause_s > model.LONGEST_PAUSE_S and link.probe_target_budget_bytes is not None:
             least_mb = (
                 ceil(link.probe_target_budget_bytes / 1e4 * link.probe_target_pause_s / model.LONGEST_PAUSE_S) / 100
             )
-            message = (
-                f"the probe budget of link `{link.name}` allows one probe every "
-                f"{link.probe_target_pause_s / 60:.0f} min, too few to notice a failure"
+            message = msg(
+                f"the probe budget of link `{arg(link.name)}` allows one probe every "
+                f"{arg(link.probe_target_pause_s / 60):.0f} min, too few to notice a failure"
             )
-            hint = (
-                f"one probe every {model.LONGEST_PAUSE_S // 60} min uses {least_mb:.2f} MB a month: set `{key}` "
-                "to at least that"
+            hint = msg(
+                f"one probe every {arg(model.LONGEST_PAUSE_S // 60)} min uses {arg(least_mb):.2f} MB a month: set "
+                f"`{arg(key)}` to at least that"
             )
             yield draft.finding_at(_draft.Part("site", name), path, message, hint)
 
@@ -232,7 +249,7 @@ def metered_links_have_a_budget(draft: _draft.Draft) -> Iterator[Finding]:
     """Require a budget for the standing traffic of a metered link, which is paid every day."""
     for name, index, link in _links(draft):
         if link.metered and not link.has_standing_budget:
-            message = f"there is no budget for the background traffic over {link.name}"
+            message = msg(f"there is no budget for the background traffic over {arg(link.name)}")
             yield draft.finding_at(_draft.Part("site", name), ("bearers", index), message, BUDGET_HINT)
 
 

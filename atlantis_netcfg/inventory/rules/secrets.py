@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel
 
 from atlantis_netcfg.core import passwords
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import _draft
 from atlantis_netcfg.inventory._yaml import SealedSecret
@@ -32,7 +33,7 @@ def refuse_clear_text(draft: _draft.Draft) -> Iterator[Finding]:
             is_vaulted = isinstance(draft.nodes[part].at(*path).value, Secret)
             if not is_vaulted and not secret.is_example:
                 name = str(path[-1])
-                message = f"`{name}` is in clear text"
+                message = msg(f"`{arg(name)}` is in clear text")
                 yield draft.finding_at(part, path, message, f"ansible-vault encrypt_string --stdin-name {name}")
 
 
@@ -41,7 +42,7 @@ def printable(draft: _draft.Draft) -> Iterator[Finding]:
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
             if not isinstance(secret, SealedSecret) and not (secret.reveal() and secret.reveal().isprintable()):
-                message = f"`{path[-1]}` is empty, or contains a line break or another control character"
+                message = msg(f"`{arg(path[-1])}` is empty, or contains a line break or another control character")
                 yield draft.finding_at(part, path, message, "create another one")
 
 
@@ -60,14 +61,16 @@ def _weakness(name: str, text: str, words: tuple[str, ...], *, is_ours: bool) ->
     """Return what is wrong with a secret and what to do; both are empty if nothing is wrong."""
     if "EXAMPLE" in text.upper():
         hint = "put the real value in the vault; until there is one, write EXAMPLE-… without `!vault`"
-        return f"`{name}` is in the vault, but is still an example", hint
+        return msg(f"`{arg(name)}` is in the vault, but is still an example"), hint
     if not (is_ours and text and text.isprintable()):  # for the latter two see above
         return "", ""
-    hint = f"create a random one (openssl rand -base64 18), then ansible-vault encrypt_string --stdin-name {name}"
+    hint = msg(
+        f"create a random one (openssl rand -base64 18), then ansible-vault encrypt_string --stdin-name {arg(name)}"
+    )
     if len(text) < _LENGTH:
-        return f"`{name}` has fewer than {_LENGTH} characters", hint
+        return msg(f"`{arg(name)}` has fewer than {arg(_LENGTH)} characters"), hint
     if passwords.guesses(text[:_PREFIX], words)[0] < _GUESSES:
-        return f"`{name}` is easy to guess", hint
+        return msg(f"`{arg(name)}` is easy to guess"), hint
     return "", ""
 
 
@@ -99,7 +102,7 @@ def examples_left(draft: _draft.Draft) -> Iterator[Finding]:
     """Report example values that remain although `example_values` is false."""
     if draft.pilot is None or draft.pilot.example_values:
         return
-    but = f"but `example_values` is false ({draft.where(_draft.Part('pilot'), 'example_values')})"
+    but = msg(f"but `example_values` is false ({arg(draft.where(_draft.Part('pilot'), 'example_values'))})")
     keys_by_mark: dict[Mark, list[str]] = {}
     for example in examples_in(draft.nodes.values()):
         if example.recognised is None:
@@ -109,12 +112,12 @@ def examples_left(draft: _draft.Draft) -> Iterator[Finding]:
             hint = "write the real value, or set `example_values: true`"
             hint = "write the public key of a technician: the line of the .pub file" if is_key else hint
             mark = Mark(example.file, example.line, example.column)
-            yield Finding.at(mark, f"{example.recognised} is still an example, {but}", hint)
+            yield Finding.at(mark, msg(f"{arg(example.recognised)} is still an example, {arg(but)}"), hint)
     for mark, keys in keys_by_mark.items():
-        words = ", ".join(dict.fromkeys(keys))
+        words = join(", ", dict.fromkeys(keys))
         verb = "is" if len(set(keys)) == 1 else "are"
         hint = "write the real value, and delete the mark `# EXAMPLE`; or set `example_values: true`"
-        yield Finding.at(mark, f"{words} {verb} marked as an example, {but}", hint)
+        yield Finding.at(mark, msg(f"{arg(words)} {arg(verb)} marked as an example, {arg(but)}"), hint)
 
 
 RULES: tuple[_draft.Rule, ...] = (refuse_clear_text, printable, weak, examples_left)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
 
@@ -32,7 +33,9 @@ def names_once(draft: _draft.Draft) -> Iterator[Finding]:
         first = index_by_name.setdefault((host, service.name), index)
         if first != index:
             line = draft.mark(_draft.Part("device", host), "services", first, "name").line
-            message = f"`{service.name}` is already the name of a service of `{host}`, in line {line}"
+            message = msg(
+                f"`{arg(service.name)}` is already the name of a service of `{arg(host)}`, in line {arg(line)}"
+            )
             yield draft.finding_at(
                 _draft.Part("device", host), ("services", index, "name"), message, "give each its own name"
             )
@@ -53,9 +56,12 @@ def ports_once(draft: _draft.Draft) -> Iterator[Finding]:
             (host, (service.transport, service.port)),
         )
         if key in owner_by_port:
-            message = f"{service.transport} port {service.port} of `{host}` is already {owner_by_port[key]}"
+            message = msg(
+                f"{arg(service.transport)} port {arg(service.port)} of `{arg(host)}` is already "
+                f"{arg(owner_by_port[key])}"
+            )
             yield draft.finding_at(part, path, message, "choose a free port")
-        why = f"that of the service `{service.name}`, in line {draft.mark(part, *path).line}"
+        why = msg(f"that of the service `{arg(service.name)}`, in line {arg(draft.mark(part, *path).line)}")
         owner_by_port.setdefault(key, why)
 
 
@@ -78,7 +84,7 @@ def _occupied_ports(draft: _draft.Draft, host: str, device: model.ServerComputer
     for index, service in enumerate(draft.pilot.vpn.services):
         if service.host == host:
             where = draft.where(_PILOT, "vpn", "services", index, "port")
-            owner_by_port[service.transport, service.port] = f"a service for all partners ({where})"
+            owner_by_port[service.transport, service.port] = msg(f"a service for all partners ({arg(where)})")
     return owner_by_port
 
 
@@ -87,14 +93,19 @@ def open_ports(draft: _draft.Draft) -> Iterator[Finding]:
     for host, device, index, service in _services(draft):
         path = ("services", index)
         if service.port is None and (service.open_to or service.partners):
-            message = f"the service `{service.name}` has no port that can be opened"
+            message = msg(f"the service `{arg(service.name)}` has no port that can be opened")
             yield draft.finding_at(
                 _draft.Part("device", host), path, message, "set its `port:`, or remove who can reach it"
             )
         elif device.vpn_address is None and (service.partners or model.ServiceNetwork.VPN in service.open_to):
-            message = f"`{service.name}` must be reachable through the VPN, but `{host}` has no VPN address"
+            message = msg(
+                f"`{arg(service.name)}` must be reachable through the VPN, but `{arg(host)}` has no VPN address"
+            )
             yield draft.finding_at(
-                _draft.Part("device", host), path, message, f"set `vpn_address:` of `{host}`, or `open_to: [lan]`"
+                _draft.Part("device", host),
+                path,
+                message,
+                msg(f"set `vpn_address:` of `{arg(host)}`, or `open_to: [lan]`"),
             )
 
 
@@ -109,10 +120,12 @@ def partners_known(draft: _draft.Draft) -> Iterator[Finding]:
             path = ("services", index, "partners", place)
             if partner not in partner_names:
                 hint = suggest(partner, partner_names, none="add it to `partners`")
-                yield draft.finding_at(_draft.Part("device", host), path, f"partner `{partner}` does not exist", hint)
+                yield draft.finding_at(
+                    _draft.Part("device", host), path, msg(f"partner `{arg(partner)}` does not exist"), hint
+                )
             elif partner in service.partners[:place]:
                 yield draft.finding_at(
-                    _draft.Part("device", host), path, f"`{partner}` is twice in this list", "remove one"
+                    _draft.Part("device", host), path, msg(f"`{arg(partner)}` is twice in this list"), "remove one"
                 )
 
 
@@ -123,18 +136,18 @@ def started_once(draft: _draft.Draft) -> Iterator[Finding]:
         if service.container is None:
             continue
         if service.program is not None:
-            message = f"the service `{service.name}` is both a program and a container"
+            message = msg(f"the service `{arg(service.name)}` is both a program and a container")
             yield draft.finding_at(part, path, message, "remove one of them")
         names: set[str] = set()
         for place, variable in enumerate(service.container.environment):
             where = (*path, "environment", place)
             if (variable.value is None) == (variable.secret is None):
-                message = f"`{variable.name}` has neither a value nor a secret"
+                message = msg(f"`{arg(variable.name)}` has neither a value nor a secret")
                 if variable.secret is not None:
-                    message = f"`{variable.name}` has both a value and a secret"
+                    message = msg(f"`{arg(variable.name)}` has both a value and a secret")
                 yield draft.finding_at(part, where, message, "write `value:`, or `secret:` with a vaulted value")
             if variable.name in names:
-                yield draft.finding_at(part, where, f"`{variable.name}` is twice in this list", "remove one")
+                yield draft.finding_at(part, where, msg(f"`{arg(variable.name)}` is twice in this list"), "remove one")
             names.add(variable.name)
 
 
@@ -147,12 +160,12 @@ def programs_apart(draft: _draft.Draft) -> Iterator[Finding]:
         form = "program" if service.program is not None else "container"
         part, path = _draft.Part("device", host), ("services", index, form)
         if service.workload.user == "root":
-            message = f"the service `{service.name}` would run as root, but its program is not ours"
+            message = msg(f"the service `{arg(service.name)}` would run as root, but its program is not ours")
             yield draft.finding_at(part, (*path, "user"), message, "remove `user:`: the service gets its own account")
         if service.workload.data is not None:
             first = owner_by_folder.setdefault((host, service.workload.data), service.name)
             if first != service.name:
-                message = f"{service.workload.data} is already the folder of the service `{first}`"
+                message = msg(f"{arg(service.workload.data)} is already the folder of the service `{arg(first)}`")
                 yield draft.finding_at(part, (*path, "data"), message, "give each its own folder")
 
 
@@ -161,7 +174,7 @@ def containers_possible(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(model.ServerComputer):
         if not _has_foxy(draft, device):
             continue
-        message = f"`{host}` gets ROS 2 foxy and so has Ubuntu 20.04, whose archive has no podman"
+        message = msg(f"`{arg(host)}` gets ROS 2 foxy and so has Ubuntu 20.04, whose archive has no podman")
         hint = "run the container on a computer without foxy: Debian 12 has podman"
         for index, each in enumerate(device.services):
             if each.container is not None:
@@ -185,20 +198,20 @@ def bridges_possible(draft: _draft.Draft) -> Iterator[Finding]:
         if bridge is None:
             continue
         if draft.pilot is not None and draft.pilot.dds is None:
-            message = f"`{host}` bridges topics to ROS 2, but the pilot has no DDS settings"
+            message = msg(f"`{arg(host)}` bridges topics to ROS 2, but the pilot has no DDS settings")
             yield draft.finding_at(part, ("ros1_bridge",), message, "add `dds: {distribution: …}` to pilot.yml")
         if device.vpn_address is None:
-            message = f"the bridge of `{host}` uses the VPN, but `{host}` has no VPN address"
-            yield draft.finding_at(part, ("ros1_bridge",), message, f"set `vpn_address:` of `{host}`")
+            message = msg(f"the bridge of `{arg(host)}` uses the VPN, but `{arg(host)}` has no VPN address")
+            yield draft.finding_at(part, ("ros1_bridge",), message, msg(f"set `vpn_address:` of `{arg(host)}`"))
         for index, service in enumerate(device.services):
             if service.name == model.ROS1_BRIDGE:
-                message = f"`{model.ROS1_BRIDGE}` is the name of the bridge to ROS 1 of `{host}`"
+                message = msg(f"`{arg(model.ROS1_BRIDGE)}` is the name of the bridge to ROS 1 of `{arg(host)}`")
                 yield draft.finding_at(part, ("services", index, "name"), message, "give the service another name")
         topics = [each.topic for each in bridge.topics]
         for index, topic in enumerate(topics):
             if topic in topics[:index]:
                 path = ("ros1_bridge", "topics", index)
-                yield draft.finding_at(part, path, f"`{topic}` is twice in this list", "remove one")
+                yield draft.finding_at(part, path, msg(f"`{arg(topic)}` is twice in this list"), "remove one")
 
 
 def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
@@ -208,10 +221,10 @@ def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
         if bridge is None:
             continue
         if (bridge.archive is None) is not (bridge.sha256 is None):
-            message = f"the bridge of `{host}` has only one of `archive:` and `sha256:`"
+            message = msg(f"the bridge of `{arg(host)}` has only one of `archive:` and `sha256:`")
             yield draft.finding_at(part, ("ros1_bridge",), message, "write both; with foxy, neither")
         elif bridge.archive is None and draft.pilot is not None and not _has_foxy(draft, device):
-            message = f"there is no package for the bridge of `{host}`: `{host}` does not get ROS 2 foxy"
+            message = msg(f"there is no package for the bridge of `{arg(host)}`: `{arg(host)}` does not get ROS 2 foxy")
             hint = "add `archive:` and `sha256:` of an image that contains it (docs/robots.md)"
             yield draft.finding_at(part, ("ros1_bridge",), message, hint)
 
@@ -224,17 +237,17 @@ def require_configured_choices(draft: _draft.Draft) -> Iterator[Finding]:
     for host, _, device in draft.valid_devices(model.ControlCentre):
         part = _draft.Part("device", host)
         if device.ros2 and gateways.ros2 is None:
-            message = f"`{host}` needs ROS 2, but the pilot has no ROS 2 settings"
+            message = msg(f"`{arg(host)}` needs ROS 2, but the pilot has no ROS 2 settings")
             yield draft.finding_at(
                 part, ("ros2",), message, "add `gateways: {ros2: …}` to pilot.yml, or write `ros2: false`"
             )
         if device.interop and gateways.interop is None:
-            message = f"`{host}` needs the library, but the pilot has no settings for it"
+            message = msg(f"`{arg(host)}` needs the library, but the pilot has no settings for it")
             yield draft.finding_at(
                 part, ("interop",), message, "add `gateways: {interop: …}`, or write `interop: false`"
             )
         elif device.interop and not device.ros2:
-            message = f"the library of `{host}` is built against ROS 2, which it does not have"
+            message = msg(f"the library of `{arg(host)}` is built against ROS 2, which it does not have")
             yield draft.finding_at(part, ("interop",), message, "add `ros2: true` next to it")
 
 
@@ -245,12 +258,12 @@ def recorder_declared(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         part, topics = _draft.Part("device", host), device.recording.topics
         if draft.pilot is not None and draft.pilot.gateways.ros2 is None:
-            message = f"`{host}` records ROS 2 topics, but the pilot has no ROS 2 settings"
+            message = msg(f"`{arg(host)}` records ROS 2 topics, but the pilot has no ROS 2 settings")
             yield draft.finding_at(part, ("recording",), message, "add `gateways: {ros2: …}` to pilot.yml")
         for index, topic in enumerate(topics):
             if topic in topics[:index]:
                 path = ("recording", "topics", index)
-                yield draft.finding_at(part, path, f"`{topic}` is twice in this list", "remove one")
+                yield draft.finding_at(part, path, msg(f"`{arg(topic)}` is twice in this list"), "remove one")
 
 
 RULES: tuple[_draft.Rule, ...] = (

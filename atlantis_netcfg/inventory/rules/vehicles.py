@@ -12,6 +12,7 @@ import yaml
 from pydantic import TypeAdapter
 
 from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
 
@@ -45,7 +46,7 @@ def names(draft: _draft.Draft) -> Iterator[Finding]:
         for word, path in local:
             owner, where = owner_by_name.setdefault(_fold_name(word), (key, draft.where(part, *path)))
             if owner != key:
-                message = f"`{word}` is already a name of `{owner}` ({where})"
+                message = msg(f"`{arg(word)}` is already a name of `{arg(owner)}` ({arg(where)})")
                 yield draft.finding_at(part, path, message, "a name belongs to one vehicle: remove it here or there")
 
 
@@ -59,7 +60,7 @@ def aliases(draft: _draft.Draft) -> Iterator[Finding]:
         earlier_names = [key, vehicle.name]
         for index, alias in enumerate(vehicle.aliases):
             if alias.casefold() in (word.casefold() for word in earlier_names):
-                message = f"`{alias}` is already a name of this vehicle"
+                message = msg(f"`{arg(alias)}` is already a name of this vehicle")
                 yield draft.finding_at(_draft.Part("vehicle", key), ("aliases", index), message, "remove it")
             earlier_names.append(alias)
 
@@ -74,7 +75,7 @@ def partners(draft: _draft.Draft) -> Iterator[Finding]:
         if vehicle.partner is not None and vehicle.partner not in partner_names:
             hint = suggest(vehicle.partner, partner_names, none="add it to `partners`, or write null")
             yield draft.finding_at(
-                _draft.Part("vehicle", key), ("partner",), f"partner `{vehicle.partner}` does not exist", hint
+                _draft.Part("vehicle", key), ("partner",), msg(f"partner `{arg(vehicle.partner)}` does not exist"), hint
             )
 
 
@@ -89,7 +90,7 @@ def columns(draft: _draft.Draft) -> Iterator[Finding]:
     for part, path, row in rows:
         for index, column in enumerate(row):
             if column in row[:index]:
-                yield draft.finding_at(part, (*path, index), f"`{column}` is twice in this row", "remove one")
+                yield draft.finding_at(part, (*path, index), msg(f"`{arg(column)}` is twice in this row"), "remove one")
 
 
 def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
@@ -106,12 +107,12 @@ def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
             continue
         differs = list(_differences(vehicle, row))
         if differs and vehicle.table3_deviation is None:
-            message = f"`{key}` differs from the report's Table 3: {'; '.join(differs)}"
+            message = msg(f"`{arg(key)}` differs from the report's Table 3: {arg(join('; ', differs))}")
             hint = "correct it, or give the reason: `table3_deviation: <reason>`"
             path = "kind" if vehicle.kind is not row.kind else "table3"
             yield draft.finding_at(_draft.Part("vehicle", key), (path,), message, hint)
         if not differs and vehicle.table3_deviation is not None:
-            message = f"`{key}` has a reason for a deviation from the report's Table 3, but does not deviate"
+            message = msg(f"`{arg(key)}` has a reason for a deviation from the report's Table 3, but does not deviate")
             yield draft.finding_at(
                 _draft.Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`"
             )
@@ -124,36 +125,38 @@ def guests(draft: _draft.Draft) -> Iterator[Finding]:
         part = _draft.Part("vehicle", key)
         if isinstance(vehicle, model.Guest) and not vehicle.guest:
             hint = "remove the line, or add the vehicle to vehicles.yml"
-            yield draft.finding_at(part, ("guest",), f"`{key}` is in guests.yml, but is not marked as a guest", hint)
+            yield draft.finding_at(
+                part, ("guest",), msg(f"`{arg(key)}` is in guests.yml, but is not marked as a guest"), hint
+            )
         if not vehicle.guest:
             continue
         if vehicle.name in table:
-            message = f"`{vehicle.name}` is a robot of the report's Table 3, not a guest"
+            message = msg(f"`{arg(vehicle.name)}` is a robot of the report's Table 3, not a guest")
             yield draft.finding_at(part, ("name",), message, "remove `guest: true`, or give the guest another name")
         if vehicle.table3_deviation is not None:
-            message = f"`{key}` is a guest: no row of the report applies to it"
+            message = msg(f"`{arg(key)}` is a guest: no row of the report applies to it")
             yield draft.finding_at(part, ("table3_deviation",), message, "remove `table3_deviation:`")
         if vehicle.partner is None:
-            message = f"the partner of guest `{key}` is missing"
+            message = msg(f"the partner of guest `{arg(key)}` is missing")
             yield draft.finding_at(part, ("partner",), message, "add `partner:` with a key of `partners`")
         for index, site in enumerate(vehicle.tested_at if isinstance(vehicle, model.Guest) else ()):
             if site not in draft.layout.sites:
                 hint = suggest(site, draft.layout.sites, none="add it to hosts.yml")
-                yield draft.finding_at(part, ("tested_at", index), f"site `{site}` does not exist", hint)
+                yield draft.finding_at(part, ("tested_at", index), msg(f"site `{arg(site)}` does not exist"), hint)
 
 
 def _differences(vehicle: model.Vehicle, row: VehicleRow) -> Iterator[str]:
     if vehicle.kind is not row.kind:
-        yield f"kind is {row.kind}"
+        yield msg(f"kind is {arg(row.kind)}")
     if more := _join_columns(set(vehicle.table3) - row.table3):
-        yield f"{more} not in the report"
+        yield msg(f"{arg(more)} not in the report")
     if fewer := _join_columns(row.table3 - set(vehicle.table3)):
-        yield f"{fewer} missing"
+        yield msg(f"{arg(fewer)} missing")
 
 
 def _join_columns(some: Iterable[model.Column]) -> str:
     column_set = set(some)
-    return ", ".join(column for column in model.Column if column in column_set)
+    return join(", ", (column for column in model.Column if column in column_set))
 
 
 def _check_extra_vehicle(
@@ -161,13 +164,16 @@ def _check_extra_vehicle(
 ) -> Iterator[Finding]:
     if vehicle.table3_deviation is None:
         near = nearest(vehicle.name, table)
-        hint = (
-            f"did you mean `{near}`?"
+        hint = msg(
+            f"did you mean `{arg(near)}`?"
             if near
             else "give the reason why it is here: `table3_deviation: <reason>`, or `guest: true`"
         )
         yield draft.finding_at(
-            _draft.Part("vehicle", key), ("name",), f"the report's Table 3 has no vehicle `{vehicle.name}`", hint
+            _draft.Part("vehicle", key),
+            ("name",),
+            msg(f"the report's Table 3 has no vehicle `{arg(vehicle.name)}`"),
+            hint,
         )
 
 
@@ -179,7 +185,7 @@ def report_complete(draft: _draft.Draft) -> Iterator[Finding]:
     vehicle_names = [str(draft.nodes[_draft.Part("vehicle", key)].at("name").value) for key in draft.names("vehicle")]
     for name in table3():
         if name not in vehicle_names and nearest(name, vehicle_names) is None:
-            message = f"`{name}` of the report's Table 3 is not in the inventory"
+            message = msg(f"`{arg(name)}` of the report's Table 3 is not in the inventory")
             yield draft.finding_at(whole, (), message, "every robot of the report stays in the checklist: add it")
 
 
@@ -189,7 +195,7 @@ def topics_once(draft: _draft.Draft) -> Iterator[Finding]:
         seen_topics: set[str] = set()
         for index, item in enumerate(vehicle.telemetry):
             if item.topic in seen_topics:
-                message = f"the topic `{item.topic}` of `{key}` is here twice"
+                message = msg(f"the topic `{arg(item.topic)}` of `{arg(key)}` is here twice")
                 yield draft.finding_at(
                     _draft.Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one"
                 )
@@ -202,7 +208,7 @@ def topics_go_by_dds(draft: _draft.Draft) -> Iterator[Finding]:
         return
     for key, vehicle in draft.vehicles.items():
         if vehicle.telemetry:
-            message = f"`{key}` publishes telemetry, but the pilot has no DDS settings to carry it"
+            message = msg(f"`{arg(key)}` publishes telemetry, but the pilot has no DDS settings to carry it")
             hint = "add `dds: {distribution: foxy}` below `pilot:`, or remove `telemetry:`"
             yield draft.finding_at(_draft.Part("vehicle", key), ("telemetry",), message, hint)
 
@@ -212,7 +218,10 @@ def useful_rates(draft: _draft.Draft) -> Iterator[Finding]:
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.telemetry):
             if item.least_hz is not None and item.least_hz > item.rate_hz:
-                message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, below its `least_hz`"
+                message = msg(
+                    f"`{arg(item.topic)}` of `{arg(key)}` is published at {arg(item.rate_hz):g} Hz, below its "
+                    "`least_hz`"
+                )
                 path = ("telemetry", index, "least_hz")
                 yield draft.finding_at(
                     _draft.Part("vehicle", key), path, message, "write a lower `least_hz`, or remove it"
@@ -254,9 +263,14 @@ def rates_within_the_guidelines(draft: _draft.Draft) -> Iterator[Finding]:
         for index, item in enumerate(vehicle.telemetry):
             way, guideline = beside_guideline(item.data, item.rate_hz) or ("", "")
             if way == "above":
-                message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, above the report's guideline"
+                message = msg(
+                    f"`{arg(item.topic)}` of `{arg(key)}` is published at {arg(item.rate_hz):g} Hz, above the report's "
+                    "guideline"
+                )
                 path = ("telemetry", index, "rate_hz")
-                yield draft.finding_at(_draft.Part("vehicle", key), path, message, f"{guideline} (report, 3.3.3)")
+                yield draft.finding_at(
+                    _draft.Part("vehicle", key), path, message, msg(f"{arg(guideline)} (report, 3.3.3)")
+                )
 
 
 WARNINGS: tuple[_draft.Rule, ...] = (rates_within_the_guidelines,)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, findings
 from atlantis_netcfg.inventory._schema import DEVICES
 from atlantis_netcfg.inventory._yaml import SealedSecret
@@ -31,13 +32,13 @@ def server(draft: _draft.Draft) -> Iterator[findings.Finding]:
     kind = draft.kind_of(host)
     if host not in draft.layout.hosts:
         message, hint = (
-            f"host `{host}` does not exist",
+            msg(f"host `{arg(host)}` does not exist"),
             findings.suggest(host, servers, none="add a host of group vpn_servers"),
         )
         yield draft.finding_at(_draft.Part("pilot"), ("vpn", "server"), message, hint)
     elif kind not in {None, "vpn_server"}:
-        hint = f"name a vpn_server: {findings.choices(servers) or 'none available'}"
-        yield draft.finding_at(_draft.Part("pilot"), ("vpn", "server"), f"`{host}` is a {kind}", hint)
+        hint = msg(f"name a vpn_server: {arg(findings.choices(servers) or 'none available')}")
+        yield draft.finding_at(_draft.Part("pilot"), ("vpn", "server"), msg(f"`{arg(host)}` is a {arg(kind)}"), hint)
 
 
 def one_server(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -46,7 +47,7 @@ def one_server(draft: _draft.Draft) -> Iterator[findings.Finding]:
         return
     for host, _, _ in draft.valid_devices(VpnServer):
         if host != draft.pilot.vpn.server:
-            message = f"`{host}` is a VPN server, but that of the pilot is `{draft.pilot.vpn.server}`"
+            message = msg(f"`{arg(host)}` is a VPN server, but that of the pilot is `{arg(draft.pilot.vpn.server)}`")
             hint = "remove it from vpn_servers, or set it in `pilot.vpn.server`"
             yield draft.finding_at(_draft.Part("device", host), ("kind",), message, hint)
 
@@ -60,14 +61,17 @@ def require_port_forwarding(draft: _draft.Draft) -> Iterator[findings.Finding]:
     if site_router is None:
         return
     host, router = site_router
-    desired_forward = f"{{transport: {vpn.transport}, port: {vpn.port}, to: {vpn.server}}}"
+    desired_forward = msg(f"{{transport: {arg(vpn.transport)}, port: {arg(vpn.port)}, to: {arg(vpn.server)}}}")
     same = [entry for entry in router.forwards if (entry.transport, entry.port) == (vpn.transport, vpn.port)]
     if any(forward.to == vpn.server for forward in same):
         return
     unknown = [index for index, item in enumerate(router.forwards) if item.to not in draft.layout.hosts]
     if not unknown:
-        message = f"`{host}` does not forward {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
-        yield draft.finding_at(_draft.Part("device", host), ("forwards",), message, f"add {desired_forward}")
+        message = msg(
+            f"`{arg(host)}` does not forward {arg(vpn.transport)} port {arg(vpn.port)} to the VPN server "
+            f"`{arg(vpn.server)}`"
+        )
+        yield draft.finding_at(_draft.Part("device", host), ("forwards",), message, msg(f"add {arg(desired_forward)}"))
 
 
 def shared_key_end(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -88,18 +92,20 @@ def forwards(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for index, forward in enumerate(router.forwards):
             if forward.to not in draft.layout.hosts:
                 message, hint = (
-                    f"host `{forward.to}` does not exist",
+                    msg(f"host `{arg(forward.to)}` does not exist"),
                     findings.suggest(forward.to, here, none="add it to hosts.yml"),
                 )
                 yield draft.finding_at(part, ("forwards", index, "to"), message, hint)
             elif forward.to not in here and draft.kind_of(forward.to) is not None:
-                message = f"`{forward.to}` is not in the LAN of `{site}`"
-                hint = f"hosts of that LAN: {findings.choices(here) or 'none'}"
+                message = msg(f"`{arg(forward.to)}` is not in the LAN of `{arg(site)}`")
+                hint = msg(f"hosts of that LAN: {arg(findings.choices(here) or 'none')}")
                 yield draft.finding_at(part, ("forwards", index, "to"), message, hint)
             first = index_by_port.setdefault((forward.transport, forward.port), index)
             if first != index:
                 line = draft.mark(part, "forwards", first, "port").line
-                message = f"{forward.transport} port {forward.port} is forwarded twice, first in line {line}"
+                message = msg(
+                    f"{arg(forward.transport)} port {arg(forward.port)} is forwarded twice, first in line {arg(line)}"
+                )
                 yield draft.finding_at(part, ("forwards", index, "port"), message, "a port leads to one host")
 
 
@@ -112,7 +118,9 @@ def endpoint_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
         inner = claim.path[0] in {"vpn", "lan", "management", "served_links"}
         if inner and endpoint in claim.network:
             where = draft.where(claim.part, *claim.path)
-            message = f"the VPN endpoint {endpoint} is inside {claim.what}, {claim.network} ({where})"
+            message = msg(
+                f"the VPN endpoint {arg(endpoint)} is inside {arg(claim.what)}, {arg(claim.network)} ({arg(where)})"
+            )
             hint = "set the public address at which the sites reach the server"
             yield draft.finding_at(_draft.Part("pilot"), ("vpn", "endpoint"), message, hint)
 
@@ -128,7 +136,7 @@ def tunnel_addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if isinstance(device, Router) and device.vpn_client is not None:
             path, address = ("vpn_client", "address"), device.vpn_client.address
         if address is not None and (why := networks.why_unusable(address, pool)):
-            message = f"the tunnel address {address} of `{host}` {why}, the infrastructure pool"
+            message = msg(f"the tunnel address {arg(address)} of `{arg(host)}` {arg(why)}, the infrastructure pool")
             yield draft.finding_at(_draft.Part("device", host), path, message, networks.example_in(pool))
 
 
@@ -141,9 +149,9 @@ def users(draft: _draft.Draft) -> Iterator[findings.Finding]:
         first = host_by_user.setdefault(router.vpn_client.user, host)
         if first != host:
             where = draft.where(_draft.Part("device", first), "vpn_client", "user")
-            message = f"`{router.vpn_client.user}` is already the VPN user of `{first}` ({where})"
+            message = msg(f"`{arg(router.vpn_client.user)}` is already the VPN user of `{arg(first)}` ({arg(where)})")
             yield draft.finding_at(
-                _draft.Part("device", host), ("vpn_client", "user"), message, f"write `user: {host}`"
+                _draft.Part("device", host), ("vpn_client", "user"), message, msg(f"write `user: {arg(host)}`")
             )
 
 
@@ -154,7 +162,7 @@ def password_length(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if client is None or isinstance(client.password, SealedSecret):
             continue
         if len(client.password.reveal().encode()) > _PASSWORD_BYTES:
-            message = f"the VPN password has more than {_PASSWORD_BYTES} bytes"
+            message = msg(f"the VPN password has more than {arg(_PASSWORD_BYTES)} bytes")
             yield draft.finding_at(
                 _draft.Part("device", host), ("vpn_client", "password"), message, "choose a shorter one"
             )
@@ -184,7 +192,7 @@ def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Refuse reserved partner keys: the key prefixes its devices' names and names its firewall set."""
     for name in draft.partners:
         if name in _RESERVED_USERS:
-            message = f"a partner cannot be named `{name}`: in the VPN that is {_RESERVED_USERS[name]}"
+            message = msg(f"a partner cannot be named `{arg(name)}`: in the VPN that is {arg(_RESERVED_USERS[name])}")
             part = _draft.Part("partner", name)
             yield draft.finding_at(part, (), message, "choose another key; `full_name` can be any name")
 
@@ -197,9 +205,11 @@ def sees(draft: _draft.Draft) -> Iterator[findings.Finding]:
         for index, vehicle in enumerate(partner.sees):
             if vehicle not in vehicle_names:
                 hint = findings.suggest(vehicle, vehicle_names, none="add it to `vehicles`")
-                yield draft.finding_at(part, ("sees", index), f"vehicle `{vehicle}` does not exist", hint)
+                yield draft.finding_at(part, ("sees", index), msg(f"vehicle `{arg(vehicle)}` does not exist"), hint)
             elif vehicle in partner.sees[:index]:
-                yield draft.finding_at(part, ("sees", index), f"`{vehicle}` is twice in this list", "remove one")
+                yield draft.finding_at(
+                    part, ("sees", index), msg(f"`{arg(vehicle)}` is twice in this list"), "remove one"
+                )
 
 
 def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -209,8 +219,8 @@ def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
     host = draft.pilot.vpn.server
     device = draft.devices.get(host)
     if isinstance(device, VpnServer) and device.vpn_address is None:
-        message = f"`{host}` runs the VPN but has no VPN address"
-        hint = f"set `vpn_address:` to one of {draft.pilot.vpn.infrastructure}"
+        message = msg(f"`{arg(host)}` runs the VPN but has no VPN address")
+        hint = msg(f"set `vpn_address:` to one of {arg(draft.pilot.vpn.infrastructure)}")
         yield draft.finding_at(_draft.Part("device", host), (), message, hint)
 
 
@@ -224,10 +234,12 @@ def services(draft: _draft.Draft) -> Iterator[findings.Finding]:
         device = draft.devices.get(service.host)
         if service.host not in draft.layout.hosts:
             hint = findings.suggest(service.host, inside, none="add it to hosts.yml")
-            yield draft.finding_at(_PILOT, path, f"host `{service.host}` does not exist", hint)
+            yield draft.finding_at(_PILOT, path, msg(f"host `{arg(service.host)}` does not exist"), hint)
         elif device is not None and _tunnel_address(device) is None and service.host != draft.pilot.vpn.server:
-            message = f"partners reach services through the VPN, but `{service.host}` has no VPN address"
-            yield draft.finding_at(_PILOT, path, message, f"hosts that have one: {findings.choices(inside) or 'none'}")
+            message = msg(f"partners reach services through the VPN, but `{arg(service.host)}` has no VPN address")
+            yield draft.finding_at(
+                _PILOT, path, message, msg(f"hosts that have one: {arg(findings.choices(inside) or 'none')}")
+            )
 
 
 def services_once(draft: _draft.Draft) -> Iterator[findings.Finding]:
@@ -240,14 +252,14 @@ def services_once(draft: _draft.Draft) -> Iterator[findings.Finding]:
         first = ports.setdefault((service.host, service.transport, service.port), index)
         if first != index:
             line = draft.mark(_PILOT, "vpn", "services", first, "port").line
-            message = (
-                f"{service.transport} port {service.port} of `{service.host}` is already used by a service, in "
-                f"line {line}"
+            message = msg(
+                f"{arg(service.transport)} port {arg(service.port)} of `{arg(service.host)}` is already used by a "
+                f"service, in line {arg(line)}"
             )
             yield draft.finding_at(_PILOT, (*path, "port"), message, "remove one")
         elif (first := index_by_name.setdefault(service.name.casefold(), index)) != index:
             line = draft.mark(_PILOT, "vpn", "services", first, "name").line
-            message = f"`{service.name}` is already the name of a service, in line {line}"
+            message = msg(f"`{arg(service.name)}` is already the name of a service, in line {arg(line)}")
             yield draft.finding_at(_PILOT, (*path, "name"), message, "give each its own name")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 from atlantis_netcfg.inventory.rules.radio import is_passphrase
@@ -31,13 +32,15 @@ def require_access_point(draft: _draft.Draft) -> Iterator[Finding]:
     for name, wifi, key in _vehicle_networks(draft):
         part = _draft.Part("vehicle", name)
         if wifi.role is not model.WifiRole.ACCESS_POINT:
-            message = f"`{name}` is a station: the key of the site's network belongs to its access point"
+            message = msg(f"`{arg(name)}` is a station: the key of the site's network belongs to its access point")
             yield draft.finding_at(part, (*_WIFI, "key"), message, "remove `key`, or write `role: access_point`")
         elif wifi.seen_from is not model.SeenFrom.GATEWAY:
-            message = f"the laptop joins the access point of `{name}`, and nothing configures the laptop"
+            message = msg(f"the laptop joins the access point of `{arg(name)}`, and nothing configures the laptop")
             yield draft.finding_at(part, (*_WIFI, "key"), message, "remove `key`, or write `seen_from: gateway`")
         elif wifi.ssid is None:
-            message = f"the access point of `{name}` has a key but no name: a radio joins a network by its name"
+            message = msg(
+                f"the access point of `{arg(name)}` has a key but no name: a radio joins a network by its name"
+            )
             yield draft.finding_at(part, (*_WIFI, "key"), message, "add its `ssid` next to it")
         elif not is_passphrase(key):
             message = "the access point's key must have 8 to 63 printable ASCII characters"
@@ -50,9 +53,9 @@ def not_of_a_location(draft: _draft.Draft) -> Iterator[Finding]:
         wifi = site.location.endpoints.wifi
         for key in ("key", "client"):
             if wifi is not None and getattr(wifi, key) is not None:
-                message = f"`{key}` is for the access point of a vehicle, but this is the location"
+                message = msg(f"`{arg(key)}` is for the access point of a vehicle, but this is the location")
                 path = ("location", "endpoints", "wifi", key)
-                yield draft.finding_at(_draft.Part("site", name), path, message, f"remove `{key}`")
+                yield draft.finding_at(_draft.Part("site", name), path, message, msg(f"remove `{arg(key)}`"))
 
 
 def require_distinct_ssids(draft: _draft.Draft) -> Iterator[Finding]:
@@ -64,7 +67,9 @@ def require_distinct_ssids(draft: _draft.Draft) -> Iterator[Finding]:
         other = first.setdefault((wifi.interface, wifi.ssid), name)
         if other != name:
             where = draft.where(_draft.Part("vehicle", other), *_WIFI, "ssid")
-            message = f"`{wifi.ssid}` is already the access point of `{other}` ({where}), for the same radio"
+            message = msg(
+                f"`{arg(wifi.ssid)}` is already the access point of `{arg(other)}` ({arg(where)}), for the same radio"
+            )
             hint = "give each access point its own name, also on the vehicle; or another `interface`"
             yield draft.finding_at(_draft.Part("vehicle", name), (*_WIFI, "ssid"), message, hint)
 
@@ -86,10 +91,12 @@ def addresses(draft: _draft.Draft) -> Iterator[Finding]:
         if wifi.address is None:
             continue
         if wifi.address == client.address:
-            message = f"{client.address} is the address of `{name}` itself"
-            yield draft.finding_at(part, (*path, "address"), message, f"choose another one of {client.network}")
+            message = msg(f"{arg(client.address)} is the address of `{arg(name)}` itself")
+            yield draft.finding_at(
+                part, (*path, "address"), message, msg(f"choose another one of {arg(client.network)}")
+            )
         elif why := why_unusable(wifi.address, client.network):
-            message = f"{wifi.address} of `{name}` {why}, the network of its access point"
+            message = msg(f"{arg(wifi.address)} of `{arg(name)}` {arg(why)}, the network of its access point")
             yield draft.finding_at(part, (*_WIFI, "address"), message, "correct this address, or `client.network`")
 
 
@@ -99,7 +106,7 @@ def radios(draft: _draft.Draft) -> Iterator[Finding]:
         tested_vehicles = draft.sites[site].checklist.vehicles if site in draft.sites else None
         for name, wifi, _ in _vehicle_networks(draft):
             if wifi.interface in _lan_interfaces(gateway) and (tested_vehicles is None or name in tested_vehicles):
-                message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, not a radio"
+                message = msg(f"`{arg(wifi.interface)}` is the interface of the LAN at `{arg(host)}`, not a radio")
                 hint = "write the name of a radio, for example wlan0: `iw dev` on the gateway lists them"
                 yield draft.finding_at(_draft.Part("vehicle", name), (*_WIFI, "interface"), message, hint)
 
@@ -119,12 +126,12 @@ def check_access_point(draft: _draft.Draft) -> Iterator[Finding]:
             message = "hostapd 2.9 of Ubuntu 20.04 does not support 802.11ax"
             yield draft.finding_at(part, ("access_point", "standard"), message, "choose 802.11ac or an older standard")
         if radio.width_mhz != _WIDTH_MHZ:
-            message = f"this toolkit supports only {_WIDTH_MHZ} MHz for the access point of a gateway"
+            message = msg(f"this toolkit supports only {arg(_WIDTH_MHZ)} MHz for the access point of a gateway")
             yield draft.finding_at(part, ("access_point", "width_mhz"), message, "remove `width_mhz`")
         for name in ("tx_power_dbm", "antenna_gain_dbi"):
             if getattr(radio, name) is not None:
-                message = f"hostapd does not set the power: `{name}` would have no effect on a gateway"
-                hint = f"remove `{name}`: the radio keeps to the limit of the country"
+                message = msg(f"hostapd does not set the power: `{arg(name)}` would have no effect on a gateway")
+                hint = msg(f"remove `{arg(name)}`: the radio keeps to the limit of the country")
                 yield draft.finding_at(part, ("access_point", name), message, hint)
         if why := why_unusable(radio.address, radio.network):
             path = ("access_point", "address")
@@ -144,12 +151,14 @@ def require_one_use_per_radio(draft: _draft.Draft) -> Iterator[Finding]:
             if wifi.interface == name and (tested_vehicles is None or key in tested_vehicles)
         ]
         if name in _lan_interfaces(gateway):
-            message = f"`{name}` is the interface of the LAN, not a radio"
+            message = msg(f"`{arg(name)}` is the interface of the LAN, not a radio")
             yield draft.finding_at(
                 _draft.Part("device", host), path, message, "write the name of a radio, for example wlan3"
             )
         elif joins:
-            message = f"`{name}` joins the access point of `{joins[0]}`: one radio cannot open a network as well"
+            message = msg(
+                f"`{arg(name)}` joins the access point of `{arg(joins[0])}`: one radio cannot open a network as well"
+            )
             yield draft.finding_at(
                 _draft.Part("device", host), path, message, "name another radio, here or at the vehicle"
             )

@@ -14,6 +14,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links import status
 
 if TYPE_CHECKING:
@@ -96,8 +97,8 @@ def manual_check_finding(address: str) -> status.LinkFinding:
     return status.LinkFinding(
         Verdict.INCONCLUSIVE,
         "look-yourself",
-        f"this 4G unit has no driver: check it on its own page, http://{address}/ or as its manual says",
-        "check: " + "; ".join(LOOK_FOR),
+        msg(f"this 4G unit has no driver: check it on its own page, http://{arg(address)}/ or as its manual says"),
+        msg("check: " + str(arg(join("; ", LOOK_FOR)))),
     )
 
 
@@ -162,22 +163,27 @@ def _judge_unregistered(reading: LteReading, subscription: LteSubscription) -> s
         return _pin(reading, subscription)
     verdict, code, message, hint = _STATES[reading.state]
     if reading.last_error:
-        message = f"{message} (the device reports: {reading.last_error})"
+        message = msg(f"{arg(message)} (the device reports: {arg(reading.last_error)})")
     return status.LinkFinding(verdict, code, message, hint)
 
 
 def _pin(reading: LteReading, subscription: LteSubscription) -> status.LinkFinding:
-    tries_text = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
+    tries_text = msg("" if reading.pin_tries_left is None else f"; tries left: {arg(reading.pin_tries_left)}")
     if reading.pin_refused:
-        message = f"the SIM refused the PIN; it will not be tried again{tries_text}"
+        message = msg(f"the SIM refused the PIN; it will not be tried again{arg(tries_text)}")
         hint = "compare `sim.pin` with the letter of the SIM; unlock the SIM in a telephone before the next run"
         return status.LinkFinding(Verdict.FAIL, "pin-wrong", message, hint)
     if not subscription.pin_declared:
         hint = "set `sim.pin` (in the vault), or disable the SIM's PIN in a telephone"
         return status.LinkFinding(
-            Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN, but the inventory has none{tries_text}", hint
+            Verdict.FAIL,
+            "pin-needed",
+            msg(f"the SIM asks for a PIN, but the inventory has none{arg(tries_text)}"),
+            hint,
         )
-    message = f"the SIM asks for a PIN; a run that changes the device tries the one in the inventory once{tries_text}"
+    message = msg(
+        f"the SIM asks for a PIN; a run that changes the device tries the one in the inventory once{arg(tries_text)}"
+    )
     hint = (
         "provision the site; if a run has already tried the PIN, it is wrong: find the right one before you try again"
     )
@@ -241,12 +247,12 @@ def _roaming(reading: LteReading, subscription: LteSubscription) -> Iterator[sta
         return
     where = reading.operator or reading.plmn or "a foreign network"
     if subscription.roaming:
-        message = f"the SIM roams in {where}: data may cost a multiple of the domestic price"
+        message = msg(f"the SIM roams in {arg(where)}: data may cost a multiple of the domestic price")
         yield status.LinkFinding(
             Verdict.WARN, "roaming-on", message, "check the price in the contract before a large transfer"
         )
     else:
-        message = f"the SIM is abroad in {where}, and roaming is not allowed: registered, but without data"
+        message = msg(f"the SIM is abroad in {arg(where)}, and roaming is not allowed: registered, but without data")
         hint = "use a SIM of this country, or set `sim.roaming: true` if the contract covers it"
         yield status.LinkFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
 
@@ -262,11 +268,13 @@ def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[status.
                 Verdict.FAIL, "apn-missing", "no APN in the inventory, and the unit has none of its own", hint
             )
     elif reading.network_apn and reading.apn is None:
-        message = f"the unit uses the network's APN, so the one in the inventory, {subscription.apn}, may not be in use"
+        message = msg(
+            f"the unit uses the network's APN, so the one in the inventory, {arg(subscription.apn)}, may not be in use"
+        )
         hint = "provision the site, which switches `use-network-apn` off"
         yield status.LinkFinding(Verdict.WARN, "apn-of-the-network", message, hint)
     elif reading.apn is not None and _bare(reading.apn) != _bare(subscription.apn):
-        message = f"the APN in use is {reading.apn}, the inventory has {subscription.apn}"
+        message = msg(f"the APN in use is {arg(reading.apn)}, the inventory has {arg(subscription.apn)}")
         hint = (
             "provision the site to set it; if it does not change, the network ignores the inventory's APN: ask "
             "the operator"
@@ -295,7 +303,9 @@ def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[statu
         and reading.band.startswith("B")
         and reading.band not in allowed_bands
     ):
-        message = f"the band in use is {reading.band}, but the inventory allows {', '.join(allowed_bands)}"
+        message = msg(
+            f"the band in use is {arg(reading.band)}, but the inventory allows {arg(join(', ', allowed_bands))}"
+        )
         yield status.LinkFinding(Verdict.WARN, "band-differs", message, "provision the site to set the bands")
 
 
@@ -307,7 +317,7 @@ def _levels(reading: LteReading) -> Iterator[status.LinkFinding]:
     )
     for code, name, value, limit, unit in levels:
         if value is not None and value < limit:
-            message = f"{name} is {value:g} {unit}, below {limit:g} {unit}"
+            message = msg(f"{arg(name)} is {arg(value):g} {arg(unit)}, below {arg(limit):g} {arg(unit)}")
             yield status.LinkFinding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
 
 

@@ -11,6 +11,7 @@ from jeepney.io.blocking import DBusConnection, open_dbus_connection
 
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
 from atlantis_netcfg.links.status import LinkFinding
 
@@ -47,7 +48,7 @@ class Bus:
             self._connection = open_dbus_connection(self._address)
         except (OSError, ValueError, RuntimeError) as error:
             raise MmUnreachable(
-                f"no D-Bus on this computer ({type(error).__name__})",
+                f"no D-Bus on this computer ({arg(type(error).__name__)})",
                 hint="ModemManager needs a Linux computer with D-Bus; another unit needs another `driver`",
             ) from error
         return self
@@ -82,7 +83,7 @@ class Bus:
             reply = connection.send_and_get_reply(message, timeout=self._timeout_s)
         except (TimeoutError, OSError) as error:
             raise MmUnreachable(
-                f"ModemManager did not respond within {self._timeout_s:g} s ({type(error).__name__})",
+                f"ModemManager did not respond within {arg(self._timeout_s):g} s ({arg(type(error).__name__)})",
                 hint="check `systemctl status ModemManager`",
             ) from error
         if reply.header.message_type is MessageType.error:
@@ -97,7 +98,7 @@ def _refusal(name: str) -> MmUnreachable:
             hint="start it (`sudo systemctl start ModemManager`), or set the `driver` of the unit",
         )
     return MmUnreachable(
-        f"ModemManager refused access ({name.rpartition('.')[2] or 'no reason given'})",
+        f"ModemManager refused access ({arg(name.rpartition('.')[2] or 'no reason given')})",
         hint="this user may lack permission: try `mmcli -L` as the same user",
     )
 
@@ -279,9 +280,11 @@ def read(address: str | None = None, *, timeout_s: float = TIMEOUT_S) -> MmLook:
     with Bus(address, timeout_s=timeout_s) as bus:
         modems = {path: properties for path, properties in bus.objects().items() if MODEM in properties}
         if len(modems) != 1:
-            problem = "no modem" if not modems else f"{len(modems)} modems, and the inventory does not say which"
+            problem = msg(
+                "no modem" if not modems else f"{arg(len(modems))} modems, and the inventory does not say which"
+            )
             raise MmUnreachable(
-                f"ModemManager has {problem}",
+                f"ModemManager has {arg(problem)}",
                 hint="check `mmcli -L`: only the modem of this site must be plugged in",
             )
         (interfaces,) = modems.values()

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import TRUST, DeviceError
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -73,7 +74,7 @@ class RutosEndpoint:
     timeout_s: float = TIMEOUT_S
 
     def __str__(self) -> str:
-        return f"{self.host} port {self.port}"
+        return msg(f"{arg(self.host)} port {arg(self.port)}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +115,9 @@ class RutosWire:
         self.sent += len(path) + len(data or b"")
         self.received += len(text)
         if status in _NOT_OFFERED:
-            raise PageMissing(f"{self._endpoint}: the unit's firmware does not offer {path} (HTTP {status})")
+            raise PageMissing(
+                f"{arg(self._endpoint)}: the unit's firmware does not offer {arg(path)} (HTTP {arg(status)})"
+            )
         try:
             return RutosAnswer(status, json.loads(text) if text else None)
         except (ValueError, RecursionError):
@@ -156,7 +159,7 @@ class RutosWire:
             text = response.read(_LARGEST + 1)
         if len(text) > _LARGEST:
             self.close()
-            raise RutosError(f"{self._endpoint}: the response to {path} is larger than {_LARGEST} bytes")
+            raise RutosError(f"{arg(self._endpoint)}: the response to {arg(path)} is larger than {arg(_LARGEST)} bytes")
         return response.status, text
 
     @contextmanager
@@ -186,7 +189,7 @@ class RutosWire:
         if late.is_set():
             self.close()
             raise RutosUnreachable(
-                f"{self._endpoint}: the 4G unit did not complete its response within {longest_s:g} s",
+                f"{arg(self._endpoint)}: the 4G unit did not complete its response within {arg(longest_s):g} s",
                 hint="check that this is the unit in the inventory, then switch it off and on",
             )
 
@@ -229,24 +232,29 @@ class RutosWire:
         fingerprint = hashlib.sha256(der).hexdigest()
         if self._endpoint.pin is None:
             raise CertificateUnknown(
-                f"{self._endpoint}: unknown certificate; no password was sent; its fingerprint is {fingerprint}",
+                msg(
+                    f"{arg(self._endpoint)}: unknown certificate; no password was sent; its fingerprint is "
+                    f"{arg(fingerprint)}"
+                ),
                 fingerprint=fingerprint,
-                hint=f"{TRUST}; or set `fingerprint: {fingerprint}` under its `access`",
+                hint=msg(f"{arg(TRUST)}; or set `fingerprint: {arg(fingerprint)}` under its `access`"),
             )
         if self._endpoint.pin != fingerprint:
             raise CertificateMismatch(
-                f"{self._endpoint}: the certificate is not the one of this unit; pinned {self._endpoint.pin}, "
-                f"presented {fingerprint}",
-                hint=(
+                msg(
+                    f"{arg(self._endpoint)}: the certificate is not the one of this unit; pinned "
+                    f"{arg(self._endpoint.pin)}, presented {arg(fingerprint)}"
+                ),
+                hint=msg(
                     "another device has this address, the unit was reset, or somebody intercepts the connection: "
-                    f"no password was sent; only if you have reset it: {TRUST}"
+                    f"no password was sent; only if you have reset it: {arg(TRUST)}"
                 ),
             )
 
     def _unreachable(self, error: BaseException) -> RutosUnreachable:
         why = (isinstance(error, OSError) and error.strerror) or type(error).__name__
         return RutosUnreachable(
-            f"{self._endpoint}: the 4G unit does not respond ({why})",
+            f"{arg(self._endpoint)}: the 4G unit does not respond ({arg(why)})",
             hint="check that it is powered and that its own page opens in a browser at that address",
         )
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.core.secret import MASK, Secret
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
 
@@ -135,8 +136,8 @@ def changes(reading: LteReading, settings: LteSettings, sections: Sections) -> t
         if not change.value.isprintable() or "'" in change.value or "\\" in change.value:
             name = "the value" if change.secret else f"`{change.value}`"
             raise SettingError(
-                f"{name} of {change.package}.{change.section}.{change.option} contains a quote, a backslash or a "
-                "control character",
+                f"{arg(name)} of {arg(change.package)}.{arg(change.section)}.{arg(change.option)} contains a quote, a "
+                "backslash or a control character",
                 hint="set it on the unit's own page",
             )
     return tuple(setting_changes)
@@ -183,7 +184,7 @@ def _card(sections: Sections, place: str, settings: LteSettings, reading: LteRea
     name, options = _slot(sections, place)
     if not name:
         raise SettingError(
-            f"the unit has no section `sim` for slot {place} in its configuration `simcard`",
+            f"the unit has no section `sim` for slot {arg(place)} in its configuration `simcard`",
             hint=(
                 "its firmware stores this elsewhere: set it on the unit's own page, and remove `admin_user` from "
                 "`access`, so that it is only checked"
@@ -211,7 +212,7 @@ def _mobile(sections: Sections, place: str) -> tuple[str, Mapping[str, str]]:
         if package == "network" and options.get("") == "interface" and mobile:
             return name, options
     raise SettingError(
-        f"the unit has no mobile interface for slot {place} in its configuration `network`",
+        f"the unit has no mobile interface for slot {arg(place)} in its configuration `network`",
         hint=(
             "its firmware stores this elsewhere: set it on the unit's own page, and remove `admin_user` from "
             "`access`, so that it is only checked"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.qualify import measured_run
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.links.qualify.samples import read
@@ -40,7 +41,7 @@ def folder_of(store: Store, site: str) -> Path:
     try:
         return store.root / component(site) / "qualify"
     except ValueError as error:
-        raise UsageError(f"`{site}` is not a valid site name", hint="type its name: `site=coastal`") from error
+        raise UsageError(f"`{arg(site)}` is not a valid site name", hint="type its name: `site=coastal`") from error
 
 
 def stored_runs(store: Store, site: str, link: str | None = None) -> list[SavedRun]:
@@ -64,9 +65,13 @@ def find_run(store: Store, site: str, run: str) -> SavedRun:
     if run not in names:
         option = " --rehearse" if store.is_rehearsal else ""
         near = nearest(run, names)
-        suggestion = f"did you mean `{near}`? " if near else ""
-        hint = f"{suggestion}`provision measure history site={site}{option}` lists the measurements" if names else None
-        raise NoSuchRun(f"{site} has no measurement `{run}`", hint=hint)
+        suggestion = msg(f"did you mean `{arg(near)}`? " if near else "")
+        hint = (
+            msg(f"{arg(suggestion)}`provision measure history site={arg(site)}{arg(option)}` lists the measurements")
+            if names
+            else None
+        )
+        raise NoSuchRun(f"{arg(site)} has no measurement `{arg(run)}`", hint=hint)
     return SavedRun(folder / run, _run(folder / run))
 
 
@@ -75,7 +80,7 @@ def _run(folder: Path) -> measured_run.MeasuredRun:
         return measured_run.read_run(folder)
     except (OSError, ValueError) as error:
         raise DamagedStateError(
-            f"the measurement in {folder} is damaged or was written by another version",
+            f"the measurement in {arg(folder)} is damaged or was written by another version",
             hint="move this folder away and run the same command again",
         ) from error
 
@@ -90,7 +95,7 @@ def samples_of(folder: Path) -> list[Sample]:
         return []
     except (OSError, UnicodeDecodeError) as error:
         hint = "move this folder away and run the same command again"
-        raise DamagedStateError(f"the samples in {folder} are damaged", hint=hint) from error
+        raise DamagedStateError(f"the samples in {arg(folder)} are damaged", hint=hint) from error
 
 
 def _digest(folder: Path) -> str:

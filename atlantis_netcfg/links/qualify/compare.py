@@ -10,6 +10,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -165,7 +166,7 @@ def _change(item: Headline, first: float | None, second: float | None) -> Figure
 def _remarks(first: QualifyRecord, second: QualifyRecord) -> Iterator[str]:
     earlier, later = first.run, second.run
     if earlier.link != later.link:
-        yield f"the links differ: {earlier.link} and {later.link}"
+        yield msg(f"the links differ: {arg(earlier.link)} and {arg(later.link)}")
     if earlier.emulated != later.emulated:
         yield "one of them was measured over an emulated link: it does not apply to a real link"
     elif earlier.emulated:
@@ -173,10 +174,10 @@ def _remarks(first: QualifyRecord, second: QualifyRecord) -> Iterator[str]:
     if earlier.far_end.over_vpn != later.far_end.over_vpn:
         yield "one of them went through the VPN, and the other did not"
     if (earlier.far_end.address, earlier.far_end.port) != (later.far_end.address, later.far_end.port):
-        yield f"the far ends differ: {earlier.far_end.name} and {later.far_end.name}"
+        yield msg(f"the far ends differ: {arg(earlier.far_end.name)} and {arg(later.far_end.name)}")
     trains = [train for record in (first, second) if (train := record.idle) is not None]
     if len({(train.size, train.interval_s) for train in trains}) > 1:
         yield "the packet trains without load differ in size or interval"
     least = 0 if len(trains) < 2 else min(train.loss.sent for train in trains)  # noqa: PLR2004 - two runs
     if least < max(first.thresholds.min_samples, second.thresholds.min_samples):
-        yield f"one of them has only {least} packets without load"
+        yield msg(f"one of them has only {arg(least)} packets without load")

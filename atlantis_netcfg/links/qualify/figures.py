@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.qualify import responses
 from atlantis_netcfg.links.qualify.reflector.stamp import is_synchronised
 from atlantis_netcfg.links.qualify.samples import CounterSample, PacketSent, ReplySample, StreamEnd, TrainBegan
@@ -275,7 +276,7 @@ def _split_by_sequence(lost_count: int, pairs: Sequence[AnsweredPacket]) -> tupl
     down = last + 1 - len(pairs)
     up = max(0, max(pair.sequence for pair in pairs) - last)
     if up + down != lost_count:
-        return None, None, f"{lost_count - up - down} packets at the end were lost in an unknown direction"
+        return None, None, msg(f"{arg(lost_count - up - down)} packets at the end were lost in an unknown direction")
     return up, down, "by the reflector's sequence numbers"
 
 

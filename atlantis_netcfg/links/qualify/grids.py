@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.qualify import search
 from atlantis_netcfg.links.qualify.messages import DEFAULT_PACKET, MessagePlan
 from atlantis_netcfg.links.qualify.reflector import stamp
@@ -174,9 +175,11 @@ def table(rows: Sequence[RateRow]) -> list[str]:
     head = f"{'size':<13}" + "".join(f"{name:>{width}}" for name, width in columns) + "  verdict"
     lines = [SHAPE_UNKNOWN, head]
     lines += [
-        f"{row.label:<13}{row.octets:>7}{row.rate_hz:>6g}{row.sent:>6}{row.received:>6}"
-        f"{_percent(row.loss_up):>6}{_percent(row.loss_down):>6}{_seconds(row.p50_s):>7}{_seconds(row.p95_s):>7}"
-        f"  {row.verdict.value}"
+        msg(
+            f"{arg(row.label):<13}{arg(row.octets):>7}{arg(row.rate_hz):>6g}{arg(row.sent):>6}{arg(row.received):>6}"
+            f"{arg(_percent(row.loss_up)):>6}{arg(_percent(row.loss_down)):>6}{arg(_seconds(row.p50_s)):>7}"
+            f"{arg(_seconds(row.p95_s)):>7}  {arg(row.verdict.value)}"
+        )
         for row in rows
     ]
     return lines

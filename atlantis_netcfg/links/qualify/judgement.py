@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -72,7 +73,9 @@ def profiles() -> Mapping[str, QualifyProfile]:
 def profile(name: str) -> QualifyProfile:
     """Return a profile of thresholds by name; raise NoSuchProfile."""
     if name not in profiles():
-        raise NoSuchProfile(f"unknown threshold profile `{name}`", hint=f"choose one of: {', '.join(profiles())}")
+        raise NoSuchProfile(
+            f"unknown threshold profile `{arg(name)}`", hint=f"choose one of: {arg(join(', ', profiles()))}"
+        )
     return profiles()[name]
 
 
@@ -88,14 +91,14 @@ def judge(
     span_s = known_count * idle.interval_s
     if idle.rtt is None:
         return [_silence(idle, limits, span_s)]
-    few = (
-        f"only {known_count} packets, at least {limits.min_samples} are needed"
+    few = msg(
+        f"only {arg(known_count)} packets, at least {arg(limits.min_samples)} are needed"
         if known_count < limits.min_samples
         else ""
     )
     seldom = few
     if not few and 2 * idle.rtt.n < limits.min_samples:
-        seldom = f"only {idle.rtt.n} responses, at least {-(-limits.min_samples // 2)} are needed"
+        seldom = msg(f"only {arg(idle.rtt.n)} responses, at least {arg(-(-limits.min_samples // 2))} are needed")
     judgements = [_judge_maximum("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
     for way, variation in (("up", idle.up), ("down", idle.down)):
         value = None if variation is None else variation.above_min.p95
@@ -115,8 +118,12 @@ def judge(
 def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterator[Judgement]:
     """Judge the loss outside of gaps; gaps are judged by their length and by the availability."""
     flr, loss, least = idle.flr, idle.loss, -(-limits.min_samples // 2)
-    rate_doubt = f"the reflector refused {loss.limited} packets above its rate limit" if loss.limited else ""
-    rest = f"only {flr.packets} packets outside of gaps, at least {least} are needed" if flr.packets < least else ""
+    rate_doubt = msg(f"the reflector refused {arg(loss.limited)} packets above its rate limit" if loss.limited else "")
+    rest = msg(
+        f"only {arg(flr.packets)} packets outside of gaps, at least {arg(least)} are needed"
+        if flr.packets < least
+        else ""
+    )
 
     def judge_share(name: str, share: float | None, doubt: str) -> Judgement:
         return _judge_maximum(
@@ -124,7 +131,7 @@ def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterato
         )
 
     if flr.up is None:
-        yield judge_share(f"FLR, both directions ({loss.why})", flr.both, few or rate_doubt)
+        yield judge_share(msg(f"FLR, both directions ({arg(loss.why)})"), flr.both, few or rate_doubt)
     else:
         yield judge_share("FLR up", flr.up, few or rate_doubt)
         yield judge_share("FLR down", flr.down, few)
@@ -134,7 +141,7 @@ def _longest_gap(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> J
     longest, at_most, doubt = idle.gaps.longest_s, idle.gaps.at_most_s, ""
     if longest <= limits.gap_s:
         if span_s <= limits.gap_s:
-            doubt = f"a gap of {limits.gap_s:g} s cannot be detected in {span_s:.3g} s"
+            doubt = msg(f"a gap of {arg(limits.gap_s):g} s cannot be detected in {arg(span_s):.3g} s")
         elif at_most is None or at_most > limits.gap_s:
             doubt = "a gap at the beginning or end of the packet train may have been longer"
     return _judge_maximum("longest gap", longest, limits.gap_s, "s", doubt)
@@ -142,9 +149,9 @@ def _longest_gap(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> J
 
 def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judgement:
     proves = span_s >= SILENCE_S
-    reason = f"no response for {span_s:.0f} s"
+    reason = msg(f"no response for {arg(span_s):.0f} s")
     if not proves:
-        reason += f"; a satellite gap may last as long, so at least {SILENCE_S:.0f} s are needed"
+        reason += msg(f"; a satellite gap may last as long, so at least {arg(SILENCE_S):.0f} s are needed")
     gap = idle.gaps.longest_s
     return Judgement(
         "AVAIL", 0.0 if gap else None, limits.avail, "", Verdict.FAIL if proves else Verdict.INCONCLUSIVE, reason

@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -166,6 +167,6 @@ def read(lines: Iterable[str], name: str = "samples") -> Iterator[Sample]:
             yield _KINDS[kind](**data)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise SamplesUnreadable(
-                f"{name}:{number}: this line is not a measurement sample",
+                f"{arg(name)}:{arg(number)}: this line is not a measurement sample",
                 hint="use the original file: it must not be edited",
             ) from error

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import fmean, linear_regression, median
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.qualify import figures
 from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageResult
 
@@ -66,7 +67,10 @@ class MessageFigures:
         if offered_bps is None or planned_bps is None:
             return "the offered rate is unknown"
         if offered_bps < _FULL_SHARE * planned_bps:
-            return f"the sender fell behind: it offered {offered_bps / 1000:.0f} of {planned_bps / 1000:.0f} kbit/s"
+            return msg(
+                f"the sender fell behind: it offered {arg(offered_bps / 1000):.0f} of {arg(planned_bps / 1000):.0f} "
+                "kbit/s"
+            )
         if (self.receiver_bps or 0.0) > _FULL_SHARE * (1 - loss) * offered_bps:
             return "nothing queued: the link carried all that was offered"
         return ""

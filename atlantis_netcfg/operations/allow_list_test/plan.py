@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError, NoMatchError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.packets import ECHO_BYTES
 from atlantis_netcfg.inventory import model, satellite_allow_list
 from atlantis_netcfg.links import satellite
@@ -99,8 +100,8 @@ class _ProbeContext:
         if why_not in {_NO_TCP, _NO_TIME, _NO_VPN}:
             return "`provision measure satellite site=… --try-all` tests it"
         if why_not in {_QUIET, _FOLLOWS}:
-            return (
-                f"`provision links use site=… link={self.link} for=10m --unproved` makes it the active link; then "
+            return msg(
+                f"`provision links use site=… link={arg(self.link)} for=10m --unproved` makes it the active link; then "
                 "run the same command again"
             )
         return ""
@@ -271,7 +272,7 @@ def read(port: str, replies: Sequence[Reply]) -> CounterReading:
     interface = next((row for row in interfaces if row.get("default-name") == port), None)
     if interface is None or "rx-byte" not in interface or "tx-byte" not in interface:
         raise DeviceError(
-            f"the router reports no byte counters for port {port}; without them nothing is sent",
+            f"the router reports no byte counters for port {arg(port)}; without them nothing is sent",
             hint=(
                 "does the inventory have the right port for the satellite's cable? `provision report drift site=…` "
                 "compares it"
@@ -321,9 +322,11 @@ def named_targets(inventory: Inventory, site: str, link: model.Link) -> tuple[sa
             target.name,
             target.dns_name,
             str(target.address),
-            "pilot.vpn in group_vars/all/pilot.yml"
-            if target.name == satellite_allow_list.VPN_TARGET and target.address == inventory.pilot.vpn.endpoint
-            else f"`allow` of `{link.name}` in group_vars/{site}.yml",
+            msg(
+                "pilot.vpn in group_vars/all/pilot.yml"
+                if target.name == satellite_allow_list.VPN_TARGET and target.address == inventory.pilot.vpn.endpoint
+                else f"`allow` of `{arg(link.name)}` in group_vars/{arg(site)}.yml"
+            ),
         )
         for target in satellite_allow_list.allowed_targets(inventory.pilot, link)
         if target.dns_name is not None

@@ -9,6 +9,7 @@ from math import ceil
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors, events
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.satellite_allow_list import far_end
 from atlantis_netcfg.links import LinkFinding, satellite
 from atlantis_netcfg.links.policy import LinkRoute, active_link
@@ -58,7 +59,7 @@ async def _take_safe_mode(session: api.Session) -> None:
         await safe_mode.ApiSafeMode().take(session)
     except safe_mode.SafeModeUnavailable as unavailable:
         raise errors.DeviceError(
-            f"cannot enter safe mode, so nothing was changed for the test: {unavailable.reason}",
+            f"cannot enter safe mode, so nothing was changed for the test: {arg(unavailable.reason)}",
             hint="it needs RouterOS 7.18 or later, and no other session may hold it",
         ) from unavailable
 
@@ -66,7 +67,7 @@ async def _take_safe_mode(session: api.Session) -> None:
 def _first_rule_id(reading: plan.CounterReading, chain: str) -> str:
     rows = reading.chain(chain)
     if not rows or ".id" not in rows[0]:
-        raise errors.DeviceError(f"the router has no chain {chain}: run provision for the site first")
+        raise errors.DeviceError(f"the router has no chain {arg(chain)}: run provision for the site first")
     return rows[0][".id"]
 
 
@@ -89,8 +90,8 @@ async def _close(session: api.Session, rows: Sequence[api.Command], replies: Seq
         raise errors.OutcomeUnknown(
             "the router does not confirm that the test rows are removed",
             hint=(
-                f"remove the rows with comment `{plan.MARK}`, or run the site, which also removes them: `provision "
-                "site=…`"
+                f"remove the rows with comment `{arg(plan.MARK)}`, or run the site, which also removes them: "
+                "`provision site=…`"
             ),
         )
 
@@ -173,7 +174,9 @@ def outcome(
     elsewhere = task.probe is satellite.SatelliteProbe.TCP and was_sent is False
     if elsewhere or (task.probe is satellite.SatelliteProbe.VPN and not (was_sent and is_counted)):
         how = "it responded" if task in answering_tasks else "it was contacted"
-        return satellite.ProbeOutcome.NOT_TRIED, f"{how}, but the router counted no traffic to it over the satellite"
+        return satellite.ProbeOutcome.NOT_TRIED, msg(
+            f"{arg(how)}, but the router counted no traffic to it over the satellite"
+        )
     if task in answering_tasks:
         return satellite.ProbeOutcome.ANSWERED, ""
     if task.probe is satellite.SatelliteProbe.TIME and now.questions(out, task) <= before.questions(out, task):
@@ -251,29 +254,34 @@ class Proof:
 
     def as_text(self) -> str:
         """Return the report as text."""
-        return "\n".join(self._lines())
+        return join("\n", self._lines())
 
     def _lines(self) -> Iterable[str]:
         carries = "is the active link" if self.active else "is not the active link"
-        yield f"{self.site}, {self.link}: {carries}"
+        yield msg(f"{arg(self.site)}, {arg(self.link)}: {arg(carries)}")
         for finding in (*(finding for _, finding in self.results), *self.findings):
-            yield f"  {finding.verdict.value:<12} {finding.message}"
+            yield msg(f"  {arg(finding.verdict.value):<12} {arg(finding.message)}")
             if finding.hint:
-                yield f"  {'':<12} {finding.hint}"
+                yield msg(f"  {'':<12} {arg(finding.hint)}")
         if self.left_out:
-            yield f"  {events.Verdict.SKIP.value:<12} {self.left_out}"
+            yield msg(f"  {arg(events.Verdict.SKIP.value):<12} {arg(self.left_out)}")
         tried_verdicts = [
             finding.verdict
             for attempt, finding in self.results
             if attempt.outcome is not satellite.ProbeOutcome.NOT_TRIED
         ]
         good_count = sum(verdict in _GOOD for verdict in tried_verdicts)
-        yield (
-            f"  {good_count} of {len(self.results)} targets proved, {len(self.results) - len(tried_verdicts)} could "
-            "not be tested"
+        yield msg(
+            f"  {arg(good_count)} of {arg(len(self.results))} targets proved, "
+            f"{arg(len(self.results) - len(tried_verdicts))} could not be tested"
         )
-        traffic = f"{self.bytes_counted} bytes on the satellite port during the test (limit {self.budget_bytes})"
-        yield f"  the router counted {traffic}; blocked {self.kept_off} packets, dropped {self.turned_away}"
+        traffic = msg(
+            f"{arg(self.bytes_counted)} bytes on the satellite port during the test (limit {arg(self.budget_bytes)})"
+        )
+        yield msg(
+            f"  the router counted {arg(traffic)}; blocked {arg(self.kept_off)} packets, dropped "
+            f"{arg(self.turned_away)}"
+        )
 
 
 def _result(attempt: satellite.Attempt, finding: LinkFinding) -> dict[str, Any]:
@@ -435,7 +443,7 @@ class Proving:
         if target is None:
             return ""
         command = f"provision measure link site={self.site} link={self.link.name}"
-        return f"{target.name} ({target.address} udp {target.port}): `{command}` tests it"
+        return msg(f"{arg(target.name)} ({arg(target.address)} udp {arg(target.port)}): `{arg(command)}` tests it")
 
     def _judge(self, attempt: satellite.Attempt, *, link_seen: bool) -> LinkFinding:
         finding = satellite.judge_attempt(attempt, link_seen=link_seen)
@@ -455,7 +463,7 @@ class Proving:
         commands = [there, *(plan.factory_ping(address, port) for address in satellite.FACTORY_ADDRESSES)]
         gateway, *factory = await session.flight(commands)
         if trap := next((reply.trap for reply in factory if reply.trap is not None), None):
-            message = f"the router refused to look up the device on {port}: {trap.message}"
+            message = msg(f"the router refused to look up the device on {arg(port)}: {arg(trap.message)}")
             return (LinkFinding(events.Verdict.INCONCLUSIVE, "box-not-asked", message),)
         strangers = [
             address
@@ -482,7 +490,9 @@ class Proving:
                 turn and self._is_spent(now if now is not before else await self._read(session))
             ):
                 break
-            self._say(f"{len(remaining_tasks)} allowed targets have not responded yet", turn, self.pace.rounds)
+            self._say(
+                msg(f"{arg(len(remaining_tasks))} allowed targets have not responded yet"), turn, self.pace.rounds
+            )
             pings = [task for task in remaining_tasks if task.probe is satellite.SatelliteProbe.ICMP]
             replies = await session.flight([plan.ping(task.address, str(self.link.address)) for task in pings])
             answers.update(
@@ -514,7 +524,7 @@ class Proving:
         if task.probe not in _COUNTER_PROBES:
             return _attempt(task, satellite.ProbeOutcome.SILENT, window_s=waited_s)
         earlier = before.answers(self._chains[1], task)
-        note = f"no response from it was counted in {waited_s:.0f} s, {earlier} before that"
+        note = msg(f"no response from it was counted in {arg(waited_s):.0f} s, {arg(earlier)} before that")
         if task.probe is satellite.SatelliteProbe.TUNNEL and now.tunnel_up is not False:
             # A tunnel that is up, or that hangs on another box, need not say anything for so long.
             return replace(
@@ -525,7 +535,7 @@ class Proving:
 
     async def _refuse(self, session: api.Session, task: plan.Task) -> satellite.Attempt:
         """Probe with the filter closed: the router's drop counter shows that nothing was sent."""
-        self._say(f"{task.name}, which must be refused")
+        self._say(msg(f"{arg(task.name)}, which must be refused"))
         before = await self._read(session)
         reply = await session.command(plan.ping(task.address, str(self.link.address), count=_REFUSALS))
         after = await self._read(session)
@@ -538,7 +548,7 @@ class Proving:
 
     async def _beyond(self, session: api.Session, task: plan.Task) -> satellite.Attempt:
         """Probe with the filter open for this host, to see whether the terminal or the network enforces anything."""
-        self._say(f"{task.name}, with the router's filter open for it")
+        self._say(msg(f"{arg(task.name)}, with the router's filter open for it"))
         reading = await self._read(session)
         waited_s, is_answered = 0.0, False
         async with temporary_rows(session, filter_rows(reading, self._chains, task.address)):
@@ -570,7 +580,7 @@ class Proving:
             if server is not None and vpn is not None and (after_s := await vpn.answered_after_s()) is not None:
                 answers[server] = after_s
             for turn in range(rounds):
-                self._say(f"{len(todo) - len(answers)} targets through temporary rows", turn, rounds)
+                self._say(msg(f"{arg(len(todo) - len(answers))} targets through temporary rows"), turn, rounds)
                 await self.pace.sleep(pause_s)
                 waited_s += pause_s
                 now = await self._read(session)

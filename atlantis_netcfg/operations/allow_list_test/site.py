@@ -6,6 +6,7 @@ import asyncio
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links import cost
 from atlantis_netcfg.links.satellite import judge_names
 from atlantis_netcfg.operations.allow_list_test import plan, prove
@@ -72,23 +73,27 @@ def satellite_of(inventory: Inventory, site: str, name: str | None) -> Satellite
     if router is not None:
         port = next((port for port, link in ports_of(router).items() if link == site_link.name), None)
     if router is None or port is None:
-        raise plan.NothingToProve(f"no router of `{site}` has a port for `{site_link.name}`")
+        raise plan.NothingToProve(f"no router of `{arg(site)}` has a port for `{arg(site_link.name)}`")
     # A valid inventory gives every satellite link its terminal.
     return Satellite(site, site_link, router, port, inventory.hosts[str(site_link.device)])
 
 
 def _link(inventory: Inventory, site: str, name: str | None) -> Link:
     if site not in inventory.sites:
-        raise plan.NothingToProve("test one site at a time", hint=f"sites: {', '.join(inventory.sites)}")
+        raise plan.NothingToProve("test one site at a time", hint=f"sites: {arg(join(', ', inventory.sites))}")
     links = inventory.sites[site].bearers
     satellites = [link for link in links if link.kind.traits.allow_list]
-    choices = ", ".join(f"bearer={link.name}" for link in satellites) or "there are none"
+    choices = join(", ", (f"bearer={link.name}" for link in satellites)) or "there are none"
     if not satellites:
-        raise plan.NothingToProve(f"`{site}` has no satellite link: nothing to test")
+        raise plan.NothingToProve(f"`{arg(site)}` has no satellite link: nothing to test")
     matches = [link for link in satellites if name in {None, link.name}]
     if len(matches) != 1:
-        why = f"`{site}` has several satellite links" if name is None else f"`{site}` has no satellite link `{name}`"
-        raise plan.NothingToProve(why, hint=f"type one of: {choices}")
+        why = msg(
+            f"`{arg(site)}` has several satellite links"
+            if name is None
+            else f"`{arg(site)}` has no satellite link `{arg(name)}`"
+        )
+        raise plan.NothingToProve(why, hint=f"type one of: {arg(choices)}")
     return matches[0]
 
 

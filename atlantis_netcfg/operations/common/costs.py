@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import cost
 from atlantis_netcfg.links.policy import LinkRoute, active_link
@@ -118,10 +119,10 @@ def require_consent(inventory: Inventory, hosts: Sequence[Host], request: Reques
 def unpaid(words: Sequence[str], command: str = "provision") -> cost.CostRefusal:
     """Return the error for costs without consent; `command` tells by which entry point the request came."""
     return cost.CostRefusal(
-        f"the cost was not accepted, so nothing was sent: {'; '.join(words)}",
+        f"the cost was not accepted, so nothing was sent: {arg(join('; ', words))}",
         hint=(
-            f"run the same command with {accepting(command)} (`--yes` does not accept costs), or use another link: "
-            "`via=lan`"
+            f"run the same command with {arg(accepting(command))} (`--yes` does not accept costs), or use another "
+            "link: `via=lan`"
         ),
     )
 
@@ -241,7 +242,7 @@ class Meter:
         if refusal is None:
             return apply.Admission(notes)
         if self.request.rehearsed:
-            return apply.Admission((*notes, f"a real run would be refused: {refusal}"))
+            return apply.Admission((*notes, msg(f"a real run would be refused: {arg(refusal)}")))
         return apply.Admission(notes, str(refusal), refusal.hint)
 
     def _refusal(self, *, plan_only: bool) -> cost.CostRefusal | None:
@@ -252,10 +253,10 @@ class Meter:
         if plan_only or self.request.rehearsed or self.request.accept_cost:
             return None
         return cost.CostRefusal(
-            f"the cost was not accepted: {self.expected_cost.words}",
+            f"the cost was not accepted: {arg(self.expected_cost.words)}",
             hint=(
-                f"run the same command with {accepting(self.request.command)}, or wait until {self.declared_link} "
-                "is up again"
+                f"run the same command with {arg(accepting(self.request.command))}, or wait until "
+                f"{arg(self.declared_link)} is up again"
             ),
         )
 
@@ -281,19 +282,22 @@ class Meter:
         """Yield a warning for each of a router's metered links without a budget for standing traffic."""
         for link in self.inventory.sites[self.host.site].bearers if isinstance(self.host.device, model.Router) else ():
             if link.metered and not link.has_standing_budget:
-                yield f"WARN: no budget in the inventory for background traffic over {link.name}; docs/links.md"
+                yield msg(
+                    f"WARN: no budget in the inventory for background traffic over {arg(link.name)}; docs/links.md"
+                )
 
     def _elsewhere(self) -> Iterator[str]:
         """Yield a warning if the session uses another link than in the inventory, above all a more expensive one."""
         if self.link.name == self.declared_link or self.active is None:
             return
-        sentence = (
-            f"the inventory reaches {self.host.name} over {self.declared_link}, but its traffic uses {self.active}"
+        sentence = msg(
+            f"the inventory reaches {arg(self.host.name)} over {arg(self.declared_link)}, but its traffic uses "
+            f"{arg(self.active)}"
         )
         dear = ", which is metered" if self.link.is_metered else ""
         order = [route.name for route in ways_of(self.inventory, self.host)]
         down = order.index(self.declared_link) < order.index(self.active)
-        yield f"{sentence} now{dear}" + (f": {self.declared_link} is down" if down else "")
+        yield msg(f"{arg(sentence)} now{arg(dear)}" + (f": {arg(self.declared_link)} is down" if down else ""))
 
     def _keep(self, result: apply.DeviceResult, store: runs.Store) -> Iterator[str]:
         """Save each port's last counters for the monthly usage; yield the errors."""
@@ -361,10 +365,10 @@ class Meter:
 
 def _bill_text(final_bill: cost.Bill, router: dict[str, Any] | None) -> str:
     if router is None:
-        return f"{final_bill.words}; not counted by the router"
-    return (
-        f"{final_bill.words}; the router counted {cost.size(router['bytes'])} on {router['interface']}, including "
-        "other traffic"
+        return msg(f"{arg(final_bill.words)}; not counted by the router")
+    return msg(
+        f"{arg(final_bill.words)}; the router counted {arg(cost.size(router['bytes']))} on {arg(router['interface'])}, "
+        "including other traffic"
     )
 
 

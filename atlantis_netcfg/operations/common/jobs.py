@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import Access, LteRouter
 from atlantis_netcfg.links.policy import active_link
 from atlantis_netcfg.operations import restore
@@ -89,7 +90,7 @@ def _pin_recorder(host: Host, request: Request, store: runs.Store, journal: runs
 
 def _desired_state(host: Host, text: str, request: Request, ways: Sequence[LinkRoute]) -> desired.DesiredState:
     """Return the desired state: of the inventory, of the state before a run (rollback), or of a confirmed state."""
-    desired_state = desired.read(text, source=f"the desired text of {host.name}")
+    desired_state = desired.read(text, source=msg(f"the desired text of {arg(host.name)}"))
     if request.use is not None:
         return _apply_link_order(desired_state, ways, request.use)
     if request.restore is not None:
@@ -101,7 +102,7 @@ def _desired_state(host: Host, text: str, request: Request, ways: Sequence[LinkR
         host.name
     )
     if earlier_state is None:
-        raise errors.NoMatchError(f"run {request.back_to} has saved no state of {host.name}")
+        raise errors.NoMatchError(f"run {arg(request.back_to)} has saved no state of {arg(host.name)}")
     export = desired.from_export(earlier_state.text(), desired_state.menus, source=str(earlier_state.path))
     before = link_use.without_use(export, desired_state)
     return restore.for_any_box(before) if request.rehearsed else before
@@ -122,7 +123,11 @@ def _check_use(ways: Sequence[LinkRoute], order: LinkOrder, observation: Observa
     if order.link is None or not order.proved:
         return ""
     active = active_link(observation.rows.get(link_use.ROUTES, ()), ways)
-    return "" if active == order.link else f"{order.link} then does not carry the traffic: {active or 'nothing'} does"
+    return msg(
+        ""
+        if active == order.link
+        else f"{arg(order.link)} then does not carry the traffic: {arg(active or 'nothing')} does"
+    )
 
 
 def _console(host: Host, access: Access, request: Request, pins: runs.Pins) -> apply.SshEndpoint:
@@ -143,7 +148,7 @@ def endpoint_of(host: Host, access: Access, request: Request) -> api.Endpoint:
     address, port, pin = str(access.address), access.port, access.fingerprint or pins.get(host.name)
     if request.rehearsed:
         if host.name not in request.targets:
-            raise errors.UsageError(f"{host.name} is not emulated in this rehearsal")
+            raise errors.UsageError(f"{arg(host.name)} is not emulated in this rehearsal")
         target = request.targets[host.name]
         address, port, pin = target.host, target.port, target.pin
     return api.Endpoint(

@@ -12,6 +12,7 @@ from ipaddress import IPv4Interface, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NoMatchError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator import routeros
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros import render
@@ -94,7 +95,9 @@ class ManagedDevice(ABC):
     def unfit(self, radios: Collection[str]) -> tuple[str, str]:
         """Return why no text fits a device with radios in these menus, and what to do about it."""
         there = " and ".join(sorted(radios)) or "no radio"
-        return f"{self.host.name} has {there}, which is not in the inventory", "correct its host_vars file"
+        return msg(
+            f"{arg(self.host.name)} has {arg(there)}, which is not in the inventory"
+        ), "correct its host_vars file"
 
     @property
     def certificates(self) -> tuple[str, ...]:
@@ -188,18 +191,25 @@ class ManagedCpe(ManagedDevice):
             why = "has no radio with a driver: since RouterOS 7.13 `wireless` is a separate package"
             todo = _INSTALL
         elif ptp.menus not in (model.RadioMenus.AUTO, there := "wifi" if _MENUS["wifi"] in radios else "wireless"):
-            why = f"has the `{ptp.menus}` menus in the inventory, but its radio has the `{there}` menus"
-            todo = f"write `menus: {there}` or `menus: auto` under `ptp` in host_vars/{name}.yml"
+            why = msg(f"has the `{arg(ptp.menus)}` menus in the inventory, but its radio has the `{arg(there)}` menus")
+            todo = msg(f"write `menus: {arg(there)}` or `menus: auto` under `ptp` in host_vars/{arg(name)}.yml")
         elif there == "wifi":
-            why = (
-                f"has protocol {ptp.protocol} in the inventory, but its radio has the `wifi` menus, which support "
+            why = msg(
+                f"has protocol {arg(ptp.protocol)} in the inventory, but its radio has the `wifi` menus, which support "
                 "only 802.11"
             )
-            todo = f'write `protocol: "802.11"` under `ptp` of {name} and of {ptp.peer}{_OR_WIRELESS}'
+            todo = msg(
+                f'write `protocol: "802.11"` under `ptp` of {arg(name)} and of {arg(ptp.peer)}{arg(_OR_WIRELESS)}'
+            )
         else:
             newer, older = (_AX, "an older standard") if ptp.standard == _AX else ("wpa3", "`wpa: wpa2`")
-            why = f"has {newer} in the inventory, but its radio has the `wireless` menus, which do not support it"
-            todo = f"choose {older} under `ptp` of {name} and of {ptp.peer}, or use devices with the `wifi` menus"
+            why = msg(
+                f"has {arg(newer)} in the inventory, but its radio has the `wireless` menus, which do not support it"
+            )
+            todo = msg(
+                f"choose {arg(older)} under `ptp` of {arg(name)} and of {arg(ptp.peer)}, or use devices with the "
+                "`wifi` menus"
+            )
         return f"{name} {why}", todo
 
 
@@ -290,14 +300,14 @@ class ManagedPorts(ManagedDevice):
         """Return why no text fits: no radio driver, or the wrong one."""
         name, radio = self.host.name, self._port_device.access_point
         if not radios:
-            return f"{name} has no radio with a driver, but an access point in the inventory", _INSTALL
+            return msg(f"{arg(name)} has no radio with a driver, but an access point in the inventory"), _INSTALL
         there = "wifi" if _MENUS["wifi"] in radios else "wireless"
         menus = "" if radio is None else radio.menus
-        why = (
-            f"{name} has an access point with the `{menus}` menus in the inventory, but its radio has the "
-            f"`{there}` menus"
+        why = msg(
+            f"{arg(name)} has an access point with the `{arg(menus)}` menus in the inventory, but its radio has the "
+            f"`{arg(there)}` menus"
         )
-        return why, f"write `menus: {there}` under `access_point` in host_vars/{name}.yml"
+        return why, msg(f"write `menus: {arg(there)}` under `access_point` in host_vars/{arg(name)}.yml")
 
 
 class ManagedRouter(ManagedPorts):
@@ -372,7 +382,7 @@ def get_managed_device(inventory: Inventory, host: Host) -> ManagedDevice:
     for kind in _KINDS:
         if kind.takes(host):
             return kind(inventory, host)
-    raise NoMatchError(f"{host.name} is a {host.device.kind.replace('_', ' ')}, which is not supported yet")
+    raise NoMatchError(f"{arg(host.name)} is a {arg(host.device.kind.replace('_', ' '))}, which is not supported yet")
 
 
 def is_other_lte_unit(host: Host) -> bool:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.emulator.udp_link import DrawnGap, LinkShape
 from atlantis_netcfg.links.qualify.profile import read_profile
 from atlantis_netcfg.operations.common.session_link import LAN
@@ -45,26 +46,30 @@ class Replay:
         profile = self.profile
         rtt_ms = 1000 * (_median(profile.up) + _median(profile.down))
         origin = ", itself a rehearsal" if profile.emulated else ""
-        return (
-            f"Replay: link {profile.link} as measured by run {profile.run} at {profile.site}{origin}: "
-            f"{rtt_ms:.0f} ms, loss {100 * profile.up.loss:.1f} % up and {100 * profile.down.loss:.1f} % down, "
-            f"{len(profile.gaps)} outages in {profile.recorded_s:.0f} s"
+        return msg(
+            f"Replay: link {arg(profile.link)} as measured by run {arg(profile.run)} at "
+            f"{arg(profile.site)}{arg(origin)}: {arg(rtt_ms):.0f} ms, loss {arg(100 * profile.up.loss):.1f} % up and "
+            f"{arg(100 * profile.down.loss):.1f} % down, {arg(len(profile.gaps))} outages in "
+            f"{arg(profile.recorded_s):.0f} s"
         )
 
     @property
     def not_rehearsed(self) -> str:
         """The limit that a report states because of the replay."""
         origin = ", which was itself a rehearsal" if self.profile.emulated else ""
-        return f"link {self.profile.link} in its current state: this was a replay of run {self.profile.run}{origin}"
+        return msg(
+            f"link {arg(self.profile.link)} in its current state: this was a replay of run "
+            f"{arg(self.profile.run)}{arg(origin)}"
+        )
 
     def refuse_elsewhere(self, inventory: Inventory, sites: Collection[str]) -> None:
         """Raise UsageError if no site has the replayed link: the rehearsal would ignore the profile."""
         links = [link.name for site in sites for link in inventory.sites[site].bearers]
         if self.profile.link not in links:
             raise UsageError(
-                f"`--profile {self.name}`: the run measured link `{self.profile.link}`, which {', '.join(sites)} "
-                "does not have",
-                hint=f"its links are: {', '.join(dict.fromkeys(links)) or 'none'}",
+                f"`--profile {arg(self.name)}`: the run measured link `{arg(self.profile.link)}`, which "
+                f"{arg(join(', ', sites))} does not have",
+                hint=f"its links are: {arg(join(', ', dict.fromkeys(links)) or 'none')}",
             )
 
 
@@ -139,6 +144,8 @@ def open_replay(name: str, roots: Sequence[Path], sites: Sequence[str]) -> Repla
         return Replay(read_profile(path), name)
     folders = [folder for root in roots for site in sites for folder in (root / site / "qualify").glob("*/")]
     run_names = sorted(folder.name for folder in folders)
-    latest = f"its latest runs: {', '.join(run_names[-3:])}"
+    latest = msg(f"its latest runs: {arg(join(', ', run_names[-3:]))}")
     hint = latest if run_names else "measure the link first; the folder of a run is accepted, too"
-    raise UsageError(f"`--profile {name}`: {', '.join(sites)} has no such run, and there is no such file", hint=hint)
+    raise UsageError(
+        f"`--profile {arg(name)}`: {arg(join(', ', sites))} has no such run, and there is no such file", hint=hint
+    )

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.processes import stop_signals
 from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
@@ -126,7 +127,7 @@ def results_from_journal(  # noqa: PLR0913, PLR0917 - one call, from one place
         start = name if name in requested_names else others.get(name, name)
         hint = f"provision recover resume site={inventory.hosts[start].site} run={run}"
         if is_supported(inventory.hosts[name]):
-            hint = f"{_TAKES_BACK}; then:  {hint}"
+            hint = msg(f"{arg(_TAKES_BACK)}; then:  {arg(hint)}")
         result = _unreached_result(name, run, recorded_run, str(reason) or "it ended without a result", hint, request)
         if isinstance(reason, NetcfgError) and result.status is Status.LEFT_AS_FOUND:
             # A refusal has a code of its own (an inventory that cannot be used: 3), but nothing of it is green.
@@ -151,12 +152,12 @@ def _unreached_result(  # noqa: PLR0913, PLR0917 - as above
     name: str, run: str, recorded_run: Run | None, reason: str, hint: str, request: Request
 ) -> DeviceResult:
     if request.mode.reads_only:
-        return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"not read: {reason}", _AGAIN)
+        return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, msg(f"not read: {arg(reason)}"), _AGAIN)
     if recorded_run is not None and name in recorded_run.settled_devices:
         return _recorded_result(recorded_run, name, reason)
     if (run and recorded_run is None) or (recorded_run is not None and _is_touched(recorded_run, name)):
-        return DeviceResult(name, Status.UNKNOWN, ExitCode.UNKNOWN, f"the outcome is unknown: {reason}", hint)
-    return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"nothing was changed: {reason}", _AGAIN)
+        return DeviceResult(name, Status.UNKNOWN, ExitCode.UNKNOWN, msg(f"the outcome is unknown: {arg(reason)}"), hint)
+    return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, msg(f"nothing was changed: {arg(reason)}"), _AGAIN)
 
 
 _AGAIN = "run the same command again"
@@ -190,7 +191,7 @@ def _is_touched(recorded_run: Run, name: str) -> bool:
 def _recorded_result(recorded_run: Run, name: str, reason: str) -> DeviceResult:
     """Return the recorded end of a device whose process died after writing it; `resume` has nothing to do."""
     outcome = recorded_run.outcomes[name]
-    message, code = f"{outcome.message}; then: {reason}", ExitCode(outcome.exit).unproven_code
+    message, code = msg(f"{arg(outcome.message)}; then: {arg(reason)}"), ExitCode(outcome.exit).unproven_code
     confirmed_actions = len(recorded_run.confirmed_actions(name))
     return DeviceResult(name, Status(outcome.status), code, message, _AGAIN, confirmed_count=confirmed_actions)
 
@@ -200,6 +201,6 @@ def _log_output(output: str, request: Request) -> list[str]:
     if not output:
         return []
     try:
-        return [f"the output of Ansible is in {write_log(output + chr(10), request.command, request.state)}"]
+        return [msg(f"the output of Ansible is in {arg(write_log(output + chr(10), request.command, request.state))}")]
     except (NetcfgError, OSError) as error:
-        return [f"cannot write a log file: {error}"]
+        return [msg(f"cannot write a log file: {arg(error)}")]

@@ -13,6 +13,7 @@ from zlib import crc32
 
 from atlantis_netcfg.core import events, temporary
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator import routeros
 from atlantis_netcfg.inventory.model import Cpe, Router
 from atlantis_netcfg.operations.common import kinds
@@ -123,7 +124,7 @@ def rehearsal(
     spec = site_spec(inventory, emulated_hosts, via, {end.name for end in emulated_hosts} - requested_names, replay)
     if emulated_hosts or others:
         number = len(emulated_hosts) + len(others)
-        words = "starting 1 emulated device" if number == 1 else f"starting {number} emulated devices"
+        words = msg("starting 1 emulated device" if number == 1 else f"starting {arg(number)} emulated devices")
         notify(events.Event(",".join(sorted({host.site for host in hosts})), events.Stage.CONNECTING, words))
     with (
         temporary.folder("twins") as folder,
@@ -216,7 +217,7 @@ def factory_spec(inventory: Inventory, host: Host, *, serial: bool = False) -> r
         port = management.port  # as "CPE Router" its one port is no port of a bridge
     if port is None:
         raise UsageError(
-            f"{host.name} has only one port, and the laptop would cut its own connection: its adoption cannot be "
+            f"{arg(host.name)} has only one port, and the laptop would cut its own connection: its adoption cannot be "
             "rehearsed",
             hint="adopt it over its serial port, or set user, certificate and address by hand (docs/routers.md)",
         )

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from atlantis_netcfg.core import errors
+from atlantis_netcfg.core import errors, messages
 from atlantis_netcfg.core.crash_report import report_crash
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.paths import require_own, state_dir
 from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.inventory.examples import by_line
@@ -46,24 +47,26 @@ def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
     for name in variables:
         if name.startswith("atlantis_") and name not in {_REQUEST, *_FIELDS}:
             suggestion = errors.nearest(name, (_REQUEST, *_FIELDS)) or ACCEPT_COST
-            raise errors.UsageError(f"unknown extra variable `{name}`", hint=f"did you mean `{suggestion}`?")
+            raise errors.UsageError(f"unknown extra variable `{arg(name)}`", hint=f"did you mean `{arg(suggestion)}`?")
     request = variables.get(_REQUEST) or {}
     if not isinstance(request, dict):
         raise errors.UsageError(
-            f"{_REQUEST} is not a mapping: {request}", hint=f"type `-e '{{\"{_REQUEST}\": {{…}}}}'`"
+            f"{arg(_REQUEST)} is not a mapping: {arg(request)}", hint=f"type `-e '{{\"{arg(_REQUEST)}\": {{…}}}}'`"
         )
     for key, value in request.items():
         if key not in Request.model_fields:
             suggestion = errors.nearest(str(key), Request.model_fields) or "mode"
-            raise errors.UsageError(f"{_REQUEST}: unknown key `{key}`", hint=f"did you mean `{suggestion}`?")
+            raise errors.UsageError(
+                f"{arg(_REQUEST)}: unknown key `{arg(key)}`", hint=f"did you mean `{arg(suggestion)}`?"
+            )
         if (why := validation_error(Request, str(key), value)) is not None:
-            raise errors.UsageError(f"{_REQUEST}: {why}")
+            raise errors.UsageError(f"{arg(_REQUEST)}: {arg(why)}")
     options = {}
     for name, field in _FIELDS.items():
         text = str(variables.get(name, "false"))
         if text.lower() not in _BOOLEANS:
             raise errors.UsageError(
-                f"{name} is neither true nor false: {text}", hint=f"type `-e {name}=true`, or remove it"
+                f"{arg(name)} is neither true nor false: {arg(text)}", hint=f"type `-e {arg(name)}=true`, or remove it"
             )
         if name in variables:
             options[field] = _BOOLEANS[text.lower()]
@@ -216,7 +219,7 @@ class EventStream:
     def _send(self, data: Mapping[str, Any]) -> None:
         if self._descriptor is None:
             return
-        line = json.dumps(data, ensure_ascii=False) + "\n"  # bytes that are no text arrive as `?`
+        line = json.dumps(messages.pack(data), ensure_ascii=False) + "\n"  # bytes that are no text arrive as `?`
         rest = memoryview(line.encode(errors="replace"))
         with suppress(BrokenPipeError):
             while rest:
@@ -268,12 +271,12 @@ def refuse_examples(inventory: Inventory, *, is_rehearsal: bool) -> None:
     """Raise UsageError if real devices would be contacted while the inventory has example values."""
     if not inventory.pilot.example_values or is_rehearsal:
         return
-    hint = f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {errors.REHEARSE}"
+    hint = msg(f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {arg(errors.REHEARSE)}")
     if inventory.examples:
         first = "\n".join(f"  {line}" for line in by_line(inventory.examples)[:_MAX_LINES])
-        hint += (
-            f"\n{len(inventory.examples)} values are examples; `provision inventory validate --examples` lists "
-            f"them:\n{first}"
+        hint += msg(
+            f"\n{arg(len(inventory.examples))} values are examples; `provision inventory validate --examples` lists "
+            f"them:\n{arg(first)}"
         )
     raise errors.UsageError(
         "the inventory still contains example values, which match no real device: it is for rehearsals only",

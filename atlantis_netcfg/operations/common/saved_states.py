@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NoMatchError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.restore import LATEST
 
@@ -72,7 +73,7 @@ def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, i
                 continue
             if run.damage or any(run.before(device) is not None for device in devices):
                 return run
-    raise NoMatchError(f"no run of {site} has a saved state of {', '.join(devices)}", hint=_LIST_HINT)
+    raise NoMatchError(f"no run of {arg(site)} has a saved state of {arg(join(', ', devices))}", hint=_LIST_HINT)
 
 
 def hosts_to_restore(run: runs.Run, hosts: Sequence[Host], *, is_explicit: bool) -> tuple[Host, ...]:
@@ -92,14 +93,15 @@ def hosts_to_restore(run: runs.Run, hosts: Sequence[Host], *, is_explicit: bool)
     rest = ",".join(host.name for host in saved_hosts)
     hint = "choose another run: `provision report runs` lists them"
     if rest:
-        hint = (
-            f"restore only what was saved: `provision recover rollback site={hosts[0].site} run={run.id} device={rest}`"
+        hint = msg(
+            f"restore only what was saved: `provision recover rollback site={arg(hosts[0].site)} run={arg(run.id)} "
+            f"device={arg(rest)}`"
         )
     if run.damage and not (is_explicit and saved_hosts):
         raise run.damage_error(hint)
     if unknown:
         raise runs.DamagedStateError(
-            f"the journal of run {run.id} does not record the outcome for {', '.join(unknown)}", hint=hint
+            f"the journal of run {arg(run.id)} does not record the outcome for {arg(join(', ', unknown))}", hint=hint
         )
     return hosts_of_run(hosts, [host.name for host in saved_hosts])
 
@@ -121,7 +123,7 @@ def before_rollback(state: Path, hosts: Sequence[Host], run: runs.Run) -> list[S
         else StartState(
             host.name,
             "never verified by a run: the inventory is applied first",
-            f"current state of {host.name}: the inventory is used instead",
+            msg(f"current state of {arg(host.name)}: the inventory is used instead"),
         )
         for host in hosts
     ]
@@ -137,16 +139,21 @@ def _state_before_resuming(state: Path, host: Host, broken: runs.Run) -> StartSt
         return StartState(
             host.name,
             "factory state: no state of such a device is saved",
-            f"what run {broken.id} left on {host.name}: the factory state is used instead",
+            msg(f"what run {arg(broken.id)} left on {arg(host.name)}: the factory state is used instead"),
             is_ready=True,
         )
     if broken.before(host.name) is not None:
         confirmed_count = len(broken.confirmed_actions(host.name))
-        again = f"; the {confirmed_count} actions that it had confirmed are repeated" if confirmed_count else ""
+        again = msg(
+            f"; the {arg(confirmed_count)} actions that it had confirmed are repeated" if confirmed_count else ""
+        )
         return StartState(
             host.name,
-            f"starts from the state before run {broken.id}{again}",
-            f"what run {broken.id} left pending or kept on {host.name}: the state before it is used instead",
+            msg(f"starts from the state before run {arg(broken.id)}{arg(again)}"),
+            msg(
+                f"what run {arg(broken.id)} left pending or kept on {arg(host.name)}: the state before it is used "
+                "instead"
+            ),
             back_to=broken.id,
         )
     last = _last_confirmed(state, host, broken)
@@ -155,7 +162,7 @@ def _state_before_resuming(state: Path, host: Host, broken: runs.Run) -> StartSt
     return StartState(
         host.name,
         "no run has a saved state of it: starts as after adoption",
-        f"the earlier state of {host.name}: it starts as after adoption",
+        msg(f"the earlier state of {arg(host.name)}: it starts as after adoption"),
         is_ready=True,
     )
 
@@ -169,7 +176,7 @@ def _last_confirmed(state: Path, host: Host, run: runs.Run) -> runs.SavedState |
 def _state_read_back(host: Host, last: runs.SavedState) -> StartState:
     return StartState(
         host.name,
-        f"starts from the state verified by run {last.run} at {last.at:%Y-%m-%d %H:%M} UTC",
-        f"changes on {host.name} since run {last.run} verified it",
+        msg(f"starts from the state verified by run {arg(last.run)} at {arg(last.at):%Y-%m-%d %H:%M} UTC"),
+        msg(f"changes on {arg(host.name)} since run {arg(last.run)} verified it"),
         restore=last.run,
     )

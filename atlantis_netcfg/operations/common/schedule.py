@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import Cpe, Router
 from atlantis_netcfg.operations.common.session_link import LAN, as_link
 from atlantis_netcfg.routeros.pair import Pair, Signal
@@ -96,12 +97,18 @@ def _choose_near_end(
         return here[0]
     first, second = (end.name for end in ends)
     if not direct:
-        raise UsageError(f"{first} and {second} are both reached over the bridge between them", hint=_hint(ends))
-    raise UsageError(f"{first} and {second} are ends of one bridge, and the near one is not known", hint=_hint(ends))
+        raise UsageError(
+            f"{arg(first)} and {arg(second)} are both reached over the bridge between them", hint=_hint(ends)
+        )
+    raise UsageError(
+        f"{arg(first)} and {arg(second)} are ends of one bridge, and the near one is not known", hint=_hint(ends)
+    )
 
 
 def _hint(ends: tuple[Host, Host]) -> str:
-    return f"give the site where you are ({' or '.join(dict.fromkeys(end.site for end in ends))}), or use via="
+    return msg(
+        f"give the site where you are ({arg(' or '.join(dict.fromkeys(end.site for end in ends)))}), or use via="
+    )
 
 
 def _is_over_bridge(inventory: Inventory, end: Host, via: Mapping[str, str]) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.site_links import CABLE
 from atlantis_netcfg.routeros.estimate import LinkMetrics
@@ -33,8 +34,8 @@ def site_link_of(inventory: Inventory, host: Host, via: str | None = None) -> Li
         return LAN
     links = {link.name: link for link in inventory.sites[host.site].bearers}
     if name not in links:
-        choices = ", ".join([LAN.name, *links])
-        raise UsageError(f"`via={name}`: {host.site} has no such link", hint=f"its links: {choices}")
+        choices = join(", ", [LAN.name, *links])
+        raise UsageError(f"`via={arg(name)}`: {arg(host.site)} has no such link", hint=f"its links: {arg(choices)}")
     return as_link(links[name])
 
 

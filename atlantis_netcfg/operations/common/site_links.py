@@ -6,6 +6,7 @@ from decimal import Decimal
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links.cost import MeteredLink, Tariff
 
 if TYPE_CHECKING:
@@ -35,9 +36,10 @@ def link_named(inventory: Inventory, site: str, name: str) -> Link:
     links = {link.name: link for link in inventory.sites[site].bearers}
     if name not in links:
         near = nearest(name, links)
-        choices = f"its links are: {', '.join(links)}"
+        choices = msg(f"its links are: {arg(join(', ', links))}")
         raise UsageError(
-            f"`{site}` has no link `{name}`", hint=f"did you mean `link={near}`? {choices}" if near else choices
+            f"`{arg(site)}` has no link `{arg(name)}`",
+            hint=f"did you mean `link={arg(near)}`? {arg(choices)}" if near else choices,
         )
     return links[name]
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict, worst
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
 from atlantis_netcfg.links import satellite
 from atlantis_netcfg.operations.common.request import Mode, open_inventory, open_request
@@ -53,9 +54,12 @@ class TerminalResult:
     def message(self) -> str:
         """The terminal's message in the report."""
         if self.evidence is None:
-            return f"{self.verdict}: in the inventory without evidence, no interface of its own"
+            return msg(f"{arg(self.verdict)}: in the inventory without evidence, no interface of its own")
         by, on = self.evidence.by, self.evidence.seen_on.isoformat()
-        return f"{self.verdict}: in the inventory, firmware {self.evidence.firmware}, inspected by {by} on {on}"
+        return msg(
+            f"{arg(self.verdict)}: in the inventory, firmware {arg(self.evidence.firmware)}, inspected by {arg(by)} on "
+            f"{arg(on)}"
+        )
 
     def as_dict(self) -> Mapping[str, Any]:
         """Return JSON-able data with every key of a device's result."""
@@ -120,12 +124,16 @@ def perform(
             _record_firmware(store, results.values())
         channel.outcome({name: result.as_dict() for name, result in results.items()}, {})
     # Ansible prints warnings, and of a task that went well nothing else.
-    warnings = [f"{name}: {_finding_text(finding)}" for name, result in results.items() for finding in result.findings]
+    warnings = [
+        msg(f"{arg(name)}: {arg(_finding_text(finding))}")
+        for name, result in results.items()
+        for finding in result.findings
+    ]
     return {"per_host": {name: _host_result(result) for name, result in results.items()}, "warnings": warnings}
 
 
 def _host_result(result: TerminalResult) -> dict[str, Any]:
-    lines = "\n".join([result.message, *(_finding_text(finding) for finding in result.findings)])
+    lines = join("\n", [result.message, *map(_finding_text, result.findings)])
     return {
         **result.as_dict(),
         "ok": result.exit is errors.ExitCode.DONE,
@@ -137,7 +145,7 @@ def _host_result(result: TerminalResult) -> dict[str, Any]:
 
 def _finding_text(finding: LinkFinding) -> str:
     hint = f" ({finding.hint})" if finding.hint else ""
-    return f"{finding.verdict}: {finding.message}{hint}"
+    return msg(f"{arg(finding.verdict)}: {arg(finding.message)}{arg(hint)}")
 
 
 def _evidence(device: SatelliteTerminal) -> satellite.SatelliteEvidence | None:
@@ -181,7 +189,7 @@ def _sha256(path: Path) -> str:
     except OSError as error:
         reason = error.strerror or str(error)
         hint = "give the backup exported from the terminal"
-        raise errors.UsageError(f"cannot read the backup {path}: {reason}", hint=hint) from error
+        raise errors.UsageError(f"cannot read the backup {arg(path)}: {arg(reason)}", hint=hint) from error
 
 
 def _load_firmware(store: runs.Store) -> dict[str, str]:
@@ -196,7 +204,7 @@ def _load_firmware(store: runs.Store) -> dict[str, str]:
         return {}
     except (OSError, ValueError, AttributeError) as error:
         hint = "remove it: the next run records the inventory again"
-        raise runs.DamagedStateError(f"cannot read the record of the terminals: {path}", hint=hint) from error
+        raise runs.DamagedStateError(f"cannot read the record of the terminals: {arg(path)}", hint=hint) from error
 
 
 def _record_firmware(store: runs.Store, results: Iterable[TerminalResult]) -> None:
@@ -234,9 +242,9 @@ class TriedPin:
             return ""
         except (OSError, ValueError):
             when = "an earlier time"
-        return (
-            f"the PIN was sent at {when}, but the SIM did not confirm it; it is not retried. Compare `sim.pin` "
-            f"with the SIM's letter, then delete {self.path}"
+        return msg(
+            f"the PIN was sent at {arg(when)}, but the SIM did not confirm it; it is not retried. Compare `sim.pin` "
+            f"with the SIM's letter, then delete {arg(self.path)}"
         )
 
     def remember(self) -> None:
@@ -246,7 +254,7 @@ class TriedPin:
             runs.write_atomically(self.path, f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n".encode())
         except OSError as error:
             raise runs.JournalError(
-                f"cannot record the PIN attempt: {error.strerror or error} ({self.path})",
+                f"cannot record the PIN attempt: {arg(error.strerror or error)} ({arg(self.path)})",
                 hint="free disk space or correct the permissions, then run the same command again",
             ) from error
 

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.computers.dds import profile_in_use
 from atlantis_netcfg.computers.dds_link import links_without_dds
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import Finding, model
 from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.links import LinkFinding
@@ -85,10 +86,10 @@ def _budgets(inventory: Inventory, site: str, uplinks: Iterable[Uplink]) -> Iter
         probe_plan, budget = uplink.probing, budgets[uplink.name]
         if probe_plan is not None and probe_plan.unsteady_bytes is not None and budget is not None:
             month = size(MONTH_DAYS * probe_plan.daily_bytes)
-            words = (
-                f"each probe target is pinged every {probe_plan.watch_s:.0f} s: {month} of its "
-                f"{size(round(budget))} a month in the inventory; on a day when the link is unstable, up to "
-                f"{size(probe_plan.unsteady_bytes)}"
+            words = msg(
+                f"each probe target is pinged every {arg(probe_plan.watch_s):.0f} s: {arg(month)} of its "
+                f"{arg(size(round(budget)))} a month in the inventory; on a day when the link is unstable, up to "
+                f"{arg(size(probe_plan.unsteady_bytes))}"
             )
             yield uplink.name, words
 
@@ -238,17 +239,17 @@ def over_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding | Non
         budgets.append(f"{most:g} EUR (`standing_budget_eur`)")
     if not budgets:
         return None
-    message = (
-        f"{size(traffic.month_bytes)} of background traffic a month over {link.name} ({traffic.bill.money}) "
-        f"exceeds its budget of {' and '.join(budgets)}"
+    message = msg(
+        f"{arg(size(traffic.month_bytes))} of background traffic a month over {arg(link.name)} "
+        f"({arg(traffic.bill.money)}) exceeds its budget of {arg(' and '.join(budgets))}"
     )
     hint = "set fewer `processes`, `participants` or `peers` under `dds:`, slower `telemetry:`, or a larger budget"
     return LinkFinding(Verdict.WARN, "standing-over-budget", message, hint)
 
 
 def _missing_budget_finding(link: model.Link, traffic: StandingTraffic) -> LinkFinding:
-    amount = f"{size(traffic.month_bytes)} a month ({traffic.bill.money})"
-    message = f"no budget in the inventory for background traffic over {link.name}: {amount}"
+    amount = msg(f"{arg(size(traffic.month_bytes))} a month ({arg(traffic.bill.money)})")
+    message = msg(f"no budget in the inventory for background traffic over {arg(link.name)}: {arg(amount)}")
     return LinkFinding(Verdict.WARN, "no-standing-budget", message, BUDGET_HINT)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import TRUST
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import SshHost, VpnServer
 from atlantis_netcfg.operations.common.session_link import site_link_of
 
@@ -79,7 +80,7 @@ def key_trouble(name: str, message: str) -> tuple[str, str] | None:
     """Return OpenSSH's host-key refusal as text, and what to do about it; None if it refused nothing."""
     if "IDENTIFICATION HAS CHANGED" in message:
         text = "it shows a different SSH host key than before, so nothing was sent to it"
-        return text, f"only if it was reinstalled: run `ssh-keygen -R {name}`, then {TRUST}"
+        return text, msg(f"only if it was reinstalled: run `ssh-keygen -R {arg(name)}`, then {arg(TRUST)}")
     if "Host key verification failed" in message or "host key is known" in message:
         return "its SSH host key differs from the inventory, or is not known here, so nothing was sent to it", TRUST
     return None

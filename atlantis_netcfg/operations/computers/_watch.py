@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.operations.apply import RunName, SiteRun
 from atlantis_netcfg.operations.common.request import EventStream, Mode, Request, open_inventory
 from atlantis_netcfg.operations.computers._access import is_computer, key_trouble
@@ -75,7 +76,7 @@ class ComputerResult:
     def fail(self, task: str, values: Mapping[str, Any], status: Status) -> None:
         """Record why a task failed."""
         words = str(values.get("msg") or "no reason was given").strip()
-        self.failure = f"{task}: {words}"
+        self.failure = msg(f"{arg(task)}: {arg(words)}")
         self.hint = str(values["hint"]) if values.get("hint") else None
         self.changes += [str(change) for change in values.get("changes") or ()]
         self.status = status
@@ -86,7 +87,7 @@ class ComputerResult:
         self.hint = str(values["hint"]) if values.get("hint") else None
         if (trouble := key_trouble(self.name, words)) is not None:
             words, self.hint = trouble
-        self.failure = f"not reached: {words.rpartition('reached over ssh: ')[2]}"
+        self.failure = msg(f"not reached: {arg(words.rpartition('reached over ssh: ')[2])}")
         self.was_reached = False
         self.status = Status.LEFT_AS_FOUND
 
@@ -123,19 +124,19 @@ class ComputerResult:
     def message(self) -> str:
         """The computer's message in the report."""
         text = "; finding: ".join([self._message, *self.findings])
-        return text if self.is_recorded else f"{text}; {NOT_RECORDED}"
+        return text if self.is_recorded else msg(f"{arg(text)}; {arg(NOT_RECORDED)}")
 
     @property
     def _message(self) -> str:
-        count = f"{len(self.changes)} change{'' if len(self.changes) == 1 else 's'}"
+        count = msg(f"{arg(len(self.changes))} change{'' if len(self.changes) == 1 else 's'}")
         if self.failure is not None:
-            return f"{self.failure} (after {count})" if self.changes else self.failure
+            return msg(f"{arg(self.failure)} (after {arg(count)})") if self.changes else self.failure
         if self.status is Status.UNCHANGED:
             return "nothing to change" if self.findings else "matches the inventory, nothing to change"
         if self.mode is Mode.DRIFT:
             differ = len(self.changes) + len(self.findings)
-            return f"{differ} differences" if differ > 1 else "1 difference"
-        return f"{count} to make" if self.mode is Mode.PLAN else f"{count} made"
+            return msg(f"{arg(differ)} differences" if differ > 1 else "1 difference")
+        return msg(f"{arg(count)} to make" if self.mode is Mode.PLAN else f"{arg(count)} made")
 
     def _comparison(self) -> dict[str, Any]:
         """Return the planned changes in the form of drift, without owner and time, which are unknown."""

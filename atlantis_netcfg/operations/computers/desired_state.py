@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.operations.common.costs import require_consent
 from atlantis_netcfg.operations.common.request import open_inventory, open_request, refuse_examples
 from atlantis_netcfg.operations.common.site_links import link_of
@@ -41,7 +42,7 @@ def package_sources(inventory: Inventory, host: Host, request: Request, bundle: 
         return {}
     return {
         "limit_bytes": link.cap_bytes if request.accept_cost else 0,
-        "limit_words": f"over {link.name} of {host.site}, which is metered",
+        "limit_words": msg(f"over {arg(link.name)} of {arg(host.site)}, which is metered"),
     }
 
 
@@ -71,7 +72,9 @@ def perform(
     """Return `per_host` for the part of that name, and refuse what the run may not do; raise NetcfgError."""
     with open_request(request, plan_only=plan_only) as (run_request, _):
         if part not in parts.PARTS:
-            raise UsageError(f"`{part}` is not a part of a computer", hint=f"possible values: {', '.join(parts.PARTS)}")
+            raise UsageError(
+                f"`{arg(part)}` is not a part of a computer", hint=f"possible values: {arg(join(', ', parts.PARTS))}"
+            )
         pilot_inventory = open_inventory(inventory)
         computers = [pilot_inventory.hosts[name] for name in hosts if is_computer(pilot_inventory.hosts[name])]
         refuse_examples(pilot_inventory, is_rehearsal=run_request.rehearsed)
@@ -100,7 +103,7 @@ def _open_bundle(inventory: Inventory, computers: Sequence[Host], request: Reque
         return
     if servers := [host.name for host in computers if is_server(host)]:
         raise UsageError(
-            f"{', '.join(servers)}: the VPN server does not use a bundle; bundles are for the other devices",
+            f"{arg(join(', ', servers))}: the VPN server does not use a bundle; bundles are for the other devices",
             hint="select the others with `device=`; run the server without `--offline`",
         )
     from atlantis_netcfg.operations import bundle as bundling  # noqa: PLC0415 - most runs have no bundle

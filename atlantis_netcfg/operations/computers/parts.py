@@ -13,6 +13,7 @@ from atlantis_netcfg.computers import ros2
 from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.computers.dds import gateway_dds
 from atlantis_netcfg.computers.interop import gateway_interop
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.inventory import Host, Inventory, model
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers._access import computer_access, is_server
@@ -95,7 +96,7 @@ def require_authority(hosts: Iterable[Host], request: Request) -> None:
     except NoAuthority as error:
         others = "if a colleague has it, let them run this, and select the other devices with `device=`"
         raise NoAuthority(
-            f"{', '.join(servers)}: {error}", hint=f"create one: `provision vpn init`; {others}"
+            f"{arg(join(', ', servers))}: {arg(error)}", hint=f"create one: `provision vpn init`; {arg(others)}"
         ) from None
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.processes import remote_bundle
 from atlantis_netcfg.operations.computers._access import key_trouble
 
@@ -52,7 +53,7 @@ class StaleRecord(errors.NetcfgError):
 
     def __init__(self, why: str) -> None:
         super().__init__(
-            f"this record is older than the server's: {why}",
+            msg(f"this record is older than the server's: {arg(why)}"),
             hint=(
                 "use the newest copy of the authority with `authority=FOLDER`; with this one nothing was signed or "
                 "sent. If that copy is lost: `provision vpn sync --sign --take-list`"
@@ -89,24 +90,25 @@ def control_path(host: str, port: int, user: str) -> str:
 
 def ssh_error(name: str, access: Mapping[str, Any], code: int | None, text: str) -> ServerAway:
     """Convert the last output of ssh to an error."""
-    where = f"{access['user']}@{access['host']}, port {access['port']}"
-    last = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), f"exit {code}")
+    where = msg(f"{arg(access['user'])}@{arg(access['host'])}, port {arg(access['port'])}")
+    last = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), msg(f"exit {arg(code)}"))
     if (trouble := key_trouble(name, text)) is not None:
-        return HostKeyMismatch(f"{name} at {access['host']}: {trouble[0]}", hint=trouble[1])
+        return HostKeyMismatch(msg(f"{arg(name)} at {arg(access['host'])}: {arg(trouble[0])}"), hint=trouble[1])
     if "Permission denied" in text:
         return ServerAway(
-            f"{name} was reached, but refused the login as {access['user']}: {last}",
-            hint=f"copy your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`",
+            f"{arg(name)} was reached, but refused the login as {arg(access['user'])}: {arg(last)}",
+            hint=f"copy your key there: `ssh-copy-id -p {arg(access['port'])} "
+            f"{arg(access['user'])}@{arg(access['host'])}`",
         )
     if "sudo" in last:
         return ServerAway(
-            f"{name}: {access['user']} cannot become root without a password: {last}",
-            hint=f"on {name}: `echo '{access['user']} ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`",
+            f"{arg(name)}: {arg(access['user'])} cannot become root without a password: {arg(last)}",
+            hint=f"on {arg(name)}: `echo '{arg(access['user'])} ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`",
         )
     if code == _NOT_FOUND:
-        return ServerAway(f"{name} has no python3: {last}", hint=f"on {name}: `apt-get install python3`")
+        return ServerAway(f"{arg(name)} has no python3: {arg(last)}", hint=f"on {arg(name)}: `apt-get install python3`")
     return ServerAway(
-        f"{name} was not reached ({where}): {last}",
+        f"{arg(name)} was not reached ({arg(where)}): {arg(last)}",
         hint=(
             "check its power and your connection to it; recorded changes are pending, and `provision vpn sync` "
             "continues"
@@ -170,10 +172,10 @@ class _RemoteLink:
         self.round_trips += 1
         answer = self._answer(do)
         if "refused" in answer:
-            raise ServerRefusal(f"{self.name}: {answer['refused']}", hint=answer.get("hint") or None)
+            raise ServerRefusal(f"{arg(self.name)}: {arg(answer['refused'])}", hint=answer.get("hint") or None)
         if "broken" in answer:
             raise AnswerLost(
-                f"{self.name}: the toolkit's program failed there at `{do}`: {answer['broken']}",
+                f"{arg(self.name)}: the toolkit's program failed there at `{arg(do)}`: {arg(answer['broken'])}",
                 hint="this is a bug: please report it; its progress is unknown",
             )
         result = answer.get("done")
@@ -228,7 +230,7 @@ class _RemoteLink:
         if python_release < PYTHON:
             is_there, minimum = (".".join(map(str, version)) for version in (python_release, PYTHON))
             raise ServerAway(
-                f"{self.name} has Python {is_there}, but at least {minimum} is required",
+                f"{arg(self.name)} has Python {arg(is_there)}, but at least {arg(minimum)} is required",
                 hint="included in Debian 11 and Ubuntu 20.04",
             )
         self._send(remote_bundle.INSTALL.read_bytes() + tool.payload)
@@ -276,9 +278,12 @@ class _RemoteLink:
 
     def _loss_error(self, do: str = "") -> AnswerLost:
         code = self._code()
-        why = self._stderr_tail().strip().splitlines()[-1:] or [f"exit {code}" if code is not None else "no response"]
+        why = self._stderr_tail().strip().splitlines()[-1:] or [
+            msg(f"exit {arg(code)}" if code is not None else "no response")
+        ]
         return AnswerLost(
-            f"{self.name}: the connection was lost before a response{f' to `{do}`' if do else ''} ({why[0]})",
+            f"{arg(self.name)}: the connection was lost before a response{f' to `{arg(do)}`' if do else ''} "
+            f"({arg(why[0])})",
             hint="the request may have been completed: `provision vpn sync` checks and continues",
         )
 
@@ -349,6 +354,6 @@ def _unpack(line: bytes) -> dict[str, Any]:
 def _install_error(name: str, line: bytes) -> ServerRefusal:
     try:
         result = json.loads(line[len(_INSTALL_MARK) :])
-        return ServerRefusal(f"{name}: {result['msg']}", hint=result.get("hint") or None)
+        return ServerRefusal(f"{arg(name)}: {arg(result['msg'])}", hint=result.get("hint") or None)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return ServerRefusal(f"{name}: the toolkit's program was not installed, for an unknown reason")
+        return ServerRefusal(f"{arg(name)}: the toolkit's program was not installed, for an unknown reason")

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import ALL, InventoryInvalid, choose, load
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.doctor import reachability
@@ -64,7 +65,9 @@ def _inventory(inventory: Path) -> tuple[Inventory | None, DoctorItem | None]:
         return load(inventory), None
     except InventoryInvalid as error:
         number = len(error.findings)
-        observation = f"{inventory} has {number} error{'s' if number > 1 else ''}; dependent checks are skipped"
+        observation = msg(
+            f"{arg(inventory)} has {arg(number)} error{'s' if number > 1 else ''}; dependent checks are skipped"
+        )
         commands = ("provision inventory validate",)
         return None, DoctorItem(DoctorSection.KEYS, "declaration", Verdict.FAIL, observation, "", commands)
 
@@ -73,7 +76,9 @@ def _hosts(inventory: Inventory | None, site: str | None) -> tuple[Host, ...]:
     if inventory is None:
         return ()
     if site == ALL:
-        raise UsageError(f"`site={ALL}`: a laptop is at one site", hint=f"choose one: {', '.join(inventory.sites)}")
+        raise UsageError(
+            f"`site={arg(ALL)}`: a laptop is at one site", hint=f"choose one: {arg(join(', ', inventory.sites))}"
+        )
     return choose(inventory, ALL if site is None else site)
 
 
@@ -122,7 +127,7 @@ def _pin_reader(state: Path | None) -> Callable[[str], str | None]:
 def _check_route(place: reachability.RouterPlace) -> Iterator[DoctorItem]:
     """Yield the items of the route to a router, and of the router itself if the route is correct."""
     if place.example:
-        observation = f"the addresses of {place.site} are examples, which match no real device"
+        observation = msg(f"the addresses of {arg(place.site)} are examples, which match no real device")
         yield DoctorItem(DoctorSection.WAY, "way", Verdict.SKIP, observation)
         yield reachability.judge_ports(read_network(None))
         return

@@ -14,6 +14,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 
 if TYPE_CHECKING:
@@ -36,20 +37,24 @@ def judge_time(now: datetime, earlier: Mapping[str, datetime], ends: datetime | 
     """Judge the time against earlier events and their times, and the last day of the VPN's authority (`ends`)."""
     time_text = f"{now:%Y-%m-%d %H:%M} UTC"
     if not earlier:
-        return _item("time", Verdict.WARN, f"{time_text}: nothing to compare it with")
+        return _item("time", Verdict.WARN, msg(f"{arg(time_text)}: nothing to compare it with"))
     what, latest = max(earlier.items(), key=lambda each: each[1])
     if now + _TOLERANCE < latest:
         return _item(
-            "time", Verdict.FAIL, f"{time_text} is before {what} ({latest:%Y-%m-%d %H:%M} UTC)", "set it:", (_SET,)
+            "time",
+            Verdict.FAIL,
+            msg(f"{arg(time_text)} is before {arg(what)} ({arg(latest):%Y-%m-%d %H:%M} UTC)"),
+            "set it:",
+            (_SET,),
         )
     if ends is not None and now > ends:
         return _item(
             "time",
             Verdict.FAIL,
-            f"{time_text} is after the expiry of the VPN authority ({ends:%Y-%m-%d})",
+            msg(f"{arg(time_text)} is after the expiry of the VPN authority ({arg(ends):%Y-%m-%d})"),
             "set the clock; if it is right, create a new authority",
         )
-    return _item("time", Verdict.PASS, f"{time_text}, after {what} ({latest:%Y-%m-%d})")
+    return _item("time", Verdict.PASS, msg(f"{arg(time_text)}, after {arg(what)} ({arg(latest):%Y-%m-%d})"))
 
 
 def judge_synchronised(output: str | None) -> DoctorItem:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 
 if TYPE_CHECKING:
@@ -61,14 +62,15 @@ def judge_room(need: SpaceRequirement, free: int) -> DoctorItem:
     """Judge whether the free space is sufficient."""
     free_text = f"{free / 1e9:.1f} GB" if free >= 1000 * _MB else f"{free / _MB:.0f} MB"
     if free < need.fail:
-        observation = f"{free_text} free at {need.place}, for {need.purpose}"
+        observation = msg(f"{arg(free_text)} free at {arg(need.place)}, for {arg(need.purpose)}")
         return _item(need.name, Verdict.FAIL, observation, "delete what you no longer need")
     if free < need.warn:
-        observation = (
-            f"{free_text} free at {need.place}; {need.warn / 1000000000.0:.1f} GB are recommended for {need.purpose}"
+        observation = msg(
+            f"{arg(free_text)} free at {arg(need.place)}; {arg(need.warn / 1000000000.0):.1f} GB are recommended for "
+            f"{arg(need.purpose)}"
         )
         return _item(need.name, Verdict.WARN, observation, "free disk space")
-    return _item(need.name, Verdict.PASS, f"{free_text} free at {need.place}")
+    return _item(need.name, Verdict.PASS, msg(f"{arg(free_text)} free at {arg(need.place)}"))
 
 
 def _standing(place: Path) -> Path:
@@ -85,21 +87,26 @@ def state_item(place: Path) -> DoctorItem:
             return _item(
                 name,
                 Verdict.FAIL,
-                f"cannot create {place}: you cannot write to {above}",
+                msg(f"cannot create {arg(place)}: you cannot write to {arg(above)}"),
                 "use your own folder: ATLANTIS_STATE=/some/folder, before the command",
             )
-        return _item(name, Verdict.SKIP, f"{place} will be created by the first run")
+        return _item(name, Verdict.SKIP, msg(f"{arg(place)} will be created by the first run"))
     try:
         paths.require_own(place, "use your own folder: ATLANTIS_STATE=/some/folder, before the command")
     except UsageError as error:
         return _item(name, Verdict.FAIL, str(error), error.hint or "")
     if place.stat().st_mode & _OTHERS:
         return _item(
-            name, Verdict.WARN, f"other users can read {place}", commands=[f"chmod 700 {shlex.quote(str(place))}"]
+            name,
+            Verdict.WARN,
+            msg(f"other users can read {arg(place)}"),
+            commands=[f"chmod 700 {shlex.quote(str(place))}"],
         )
     if not os.access(place, os.W_OK | os.X_OK):
-        return _item(name, Verdict.FAIL, f"{place} is not writable", commands=[f"chmod 700 {shlex.quote(str(place))}"])
-    return _item(name, Verdict.PASS, f"{place}, private")
+        return _item(
+            name, Verdict.FAIL, msg(f"{arg(place)} is not writable"), commands=[f"chmod 700 {shlex.quote(str(place))}"]
+        )
+    return _item(name, Verdict.PASS, msg(f"{arg(place)}, private"))
 
 
 def checkout_item(root: Path) -> DoctorItem:
@@ -111,23 +118,23 @@ def checkout_item(root: Path) -> DoctorItem:
         return _item(
             name,
             Verdict.WARN,
-            f"other users can write to {path_list} and change the programs that you run",
+            msg(f"other users can write to {arg(path_list)} and change the programs that you run"),
             commands=[f"chmod go-w {path_list}"],
         )
     if not os.access(root, os.W_OK):
-        return _item(name, Verdict.PASS, f"{root}; updated by its owner, not writable by you")
-    return _item(name, Verdict.PASS, f"{root}, writable by you")
+        return _item(name, Verdict.PASS, msg(f"{arg(root)}; updated by its owner, not writable by you"))
+    return _item(name, Verdict.PASS, msg(f"{arg(root)}, writable by you"))
 
 
 def leftovers_item(dead: Sequence[Path]) -> DoctorItem:
     """Report temporary folders of killed commands that could not be removed; all others are already gone."""
     if dead:
-        path_list = ", ".join(map(str, dead))
+        path_list = join(", ", map(str, dead))
         words = " ".join(shlex.quote(str(each)) for each in dead)
         return _item(
             "leftovers",
             Verdict.WARN,
-            f"left by killed commands, and could not be removed: {path_list}",
+            msg(f"left by killed commands, and could not be removed: {arg(path_list)}"),
             "if it contains a mount (`findmnt`), unmount that first; then:",
             [f"sudo rm -r --one-file-system {words}"],
         )
@@ -139,12 +146,12 @@ def unfinished_item(runs: Sequence[Run]) -> DoctorItem:
     if not runs:
         return _item("unfinished runs", Verdict.PASS, "none")
     first = runs[0]
-    more = f" (and {len(runs) - 1} more)" if len(runs) > 1 else ""
-    devices = ", ".join(sorted(first.unsettled_devices))
+    more = msg(f" (and {arg(len(runs) - 1)} more)" if len(runs) > 1 else "")
+    devices = join(", ", sorted(first.unsettled_devices))
     return _item(
         "unfinished runs",
         Verdict.WARN,
-        f"{first.id} is unfinished on {devices}{more}",
+        msg(f"{arg(first.id)} is unfinished on {arg(devices)}{arg(more)}"),
         "continue when the link is available:",
         [first.next_command],
     )

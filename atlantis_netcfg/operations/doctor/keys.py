@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import InventoryInvalid, load, model
 from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.vault import PROMPTS
@@ -66,12 +67,12 @@ def secrets_item(inventory: Path, decrypt: Callable[[str], str]) -> DoctorItem:
     except InventoryInvalid as error:
         first = error.findings[0]
         place = f"{first.file}:{first.line}"
-        return _item("vault", Verdict.FAIL, f"{place}: {first.message}", first.hint)
+        return _item("vault", Verdict.FAIL, msg(f"{arg(place)}: {arg(first.message)}"), first.hint)
     except UsageError as error:
         return _item("vault", Verdict.INCONCLUSIVE, str(error), (error.hint or "").partition("\n")[0])
     if not secret_count:
         return _item("vault", Verdict.PASS, "no value of the inventory is encrypted, so no password is needed")
-    return _item("vault", Verdict.PASS, f"the password decrypts all {secret_count} encrypted values")
+    return _item("vault", Verdict.PASS, msg(f"the password decrypts all {arg(secret_count)} encrypted values"))
 
 
 def password_files(environ: Mapping[str, str]) -> tuple[Path, ...]:
@@ -87,16 +88,22 @@ def password_file_item(file: Path, inventory: Path) -> DoctorItem:
     try:
         mode = file.stat().st_mode
     except OSError as error:
-        return _item(name, Verdict.FAIL, f"cannot read {file}: {error.strerror}", "give another file")
+        return _item(name, Verdict.FAIL, msg(f"cannot read {arg(file)}: {arg(error.strerror)}"), "give another file")
     if mode & _OTHERS and not mode & 0o100:  # a program that prints the password holds none
         return _item(
-            name, Verdict.FAIL, f"other users can read {file}", commands=[f"chmod 600 {shlex.quote(str(file))}"]
+            name,
+            Verdict.FAIL,
+            msg(f"other users can read {arg(file)}"),
+            commands=[f"chmod 600 {shlex.quote(str(file))}"],
         )
     if file.resolve().is_relative_to(inventory.resolve()):
         return _item(
-            name, Verdict.WARN, f"{file} is inside the inventory: whoever gets one gets both", "move it elsewhere"
+            name,
+            Verdict.WARN,
+            msg(f"{arg(file)} is inside the inventory: whoever gets one gets both"),
+            "move it elsewhere",
         )
-    return _item(name, Verdict.PASS, f"{file} is readable only by you")
+    return _item(name, Verdict.PASS, msg(f"{arg(file)} is readable only by you"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,15 +145,15 @@ def _public_key_of(line: str) -> str:
 
 def keys_item(host: str, allowed_keys: Sequence[str], keys: Sequence[LaptopKey]) -> DoctorItem:
     """Report whether this laptop has a private key for one of the host's authorised keys."""
-    name = f"SSH key for {host}"
+    name = msg(f"SSH key for {arg(host)}")
     public_keys = {_public_key_of(line) for line in allowed_keys}
     fitting = [key for key in keys if key.public in public_keys]
     if not fitting:
         return _item(
             name,
             Verdict.FAIL,
-            f"none of its {len(public_keys)} keys in the inventory is in ~/.ssh or in the agent",
-            f"use a laptop that has one, or add your key to `ssh_keys` in host_vars/{host}.yml",
+            msg(f"none of its {arg(len(public_keys))} keys in the inventory is in ~/.ssh or in the agent"),
+            msg(f"use a laptop that has one, or add your key to `ssh_keys` in host_vars/{arg(host)}.yml"),
         )
     in_agent = next((key for key in fitting if key.file is None), None)
     key = in_agent or fitting[0]
@@ -156,7 +163,7 @@ def keys_item(host: str, allowed_keys: Sequence[str], keys: Sequence[LaptopKey])
         return _item(
             name,
             Verdict.FAIL,
-            f"other users can read {key.file}: OpenSSH refuses such a key",
+            msg(f"other users can read {arg(key.file)}: OpenSSH refuses such a key"),
             commands=[f"chmod 600 {shlex.quote(str(key.file))}"],
         )
     return _item(name, Verdict.PASS, f"{key.file}")
@@ -208,13 +215,15 @@ def known_devices_item(
         return _item(name, Verdict.SKIP, "provision logs in to no device")
     if not unknown:
         return _item(
-            name, Verdict.PASS, f"all {len(every)}: certificate or host key is in the inventory, or stored here"
+            name,
+            Verdict.PASS,
+            msg(f"all {arg(len(every))}: certificate or host key is in the inventory, or stored here"),
         )
-    names = ", ".join(host.name for host in unknown)
+    names = join(", ", (host.name for host in unknown))
     return _item(
         name,
         Verdict.WARN,
-        f"{len(unknown)} of {len(every)} not known here and therefore refused: {names}",
+        msg(f"{arg(len(unknown))} of {arg(len(every))} not known here and therefore refused: {arg(names)}"),
         "at the site, on a terminal (for a new router use `device adopt` instead):",
         [f"provision device trust site={unknown[0].site}"],
     )
@@ -239,8 +248,8 @@ def authority_item(folder: Path) -> DoctorItem:
         return _item(name, Verdict.SKIP, "not on this laptop: only needed to enrol members")
     problems = Authority(folder).check()
     if not problems:
-        return _item(name, Verdict.PASS, f"{folder}: nothing to do")
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        return _item(name, Verdict.PASS, msg(f"{arg(folder)}: nothing to do"))
+    more = msg(f" (and {arg(len(problems) - 1)} more)" if len(problems) > 1 else "")
     return _item(name, Verdict.WARN, f"{problems[0]}{more}")
 
 
@@ -256,7 +265,9 @@ def key_items(
     for host in hosts:
         if isinstance(host.device, model.SiteComputer) and host.device.image is not None and host.device.image.ssh_keys:
             if inventory.pilot.example_values:
-                yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its keys in the inventory are examples")
+                yield _item(
+                    msg(f"SSH key for {arg(host.name)}"), Verdict.SKIP, "its keys in the inventory are examples"
+                )
             else:
                 yield keys_item(host.name, host.device.image.ssh_keys, keys)
     yield known_devices_item(inventory, hosts, pins, lambda name: in_known_hosts(name, home))

@@ -15,6 +15,8 @@ from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.messages import arg, msg
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
@@ -177,14 +179,14 @@ def _run(words: Sequence[str]) -> subprocess.CompletedProcess[str]:
             env={**os.environ, "LC_ALL": "C"},
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise NetworkUnreadable(f"`{words[0]}` did not respond: {error}") from error
+        raise NetworkUnreadable(msg(f"`{arg(words[0])}` did not respond: {arg(error)}")) from error
 
 
 def _ip(*words: object, details: bool = False) -> str:
     family = ("-details",) if details else ("-4",)
     process = _run(["ip", "-json", *family, *map(str, words)])
     if process.returncode:
-        raise NetworkUnreadable(f"`ip {words[0]}` failed: {process.stderr.strip()}")
+        raise NetworkUnreadable(msg(f"`ip {arg(words[0])}` failed: {arg(process.stderr.strip())}"))
     return process.stdout
 
 
@@ -192,7 +194,7 @@ def _get_route(address: IPv4Address) -> str:
     """Return `ip route get` as JSON; an empty list if the kernel has no route, which is a valid result."""
     process = _run(["ip", "-json", "-4", "route", "get", str(address)])
     if process.returncode and "RTNETLINK answers" not in process.stderr:
-        raise NetworkUnreadable(f"`ip route get` failed: {process.stderr.strip()}")
+        raise NetworkUnreadable(msg(f"`ip route get` failed: {arg(process.stderr.strip())}"))
     return "[]" if process.returncode else process.stdout
 
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from cryptography import x509
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.common.kinds import get_managed_device
@@ -111,15 +112,17 @@ def judge_ports(facts: NetworkFacts) -> DoctorItem:
     ports = _candidates(facts)
     if not ports:
         return _item("ports", Verdict.WARN, "this laptop has no Ethernet port", "plug in a USB Ethernet adapter")
-    return _item("ports", Verdict.PASS, "; ".join(map(_describe, ports)))
+    return _item("ports", Verdict.PASS, join("; ", map(_describe, ports)))
 
 
 def _describe(port: LaptopPort) -> str:
     addresses = f" ({', '.join(map(str, port.addresses))})" if port.addresses else ""
     if not port.up:
-        return f"{port.name} is disabled{addresses}"
-    return (
-        f"{port.name} has a cable connected{addresses}" if port.carrier else f"{port.name} detects no cable{addresses}"
+        return msg(f"{arg(port.name)} is disabled{arg(addresses)}")
+    return msg(
+        f"{arg(port.name)} has a cable connected{arg(addresses)}"
+        if port.carrier
+        else f"{arg(port.name)} detects no cable{arg(addresses)}"
     )
 
 
@@ -167,27 +170,36 @@ def _judge_port(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None
             "this laptop has no Ethernet port",
             "plug in a USB Ethernet adapter, then run the same command again",
         )
-    plug = f"plug the cable into {place.plug} of {place.router}, and check the router's power"
+    plug = msg(f"plug the cable into {arg(place.plug)} of {arg(place.router)}, and check the router's power")
     if not port.up:
         return _item(
-            "port", Verdict.FAIL, f"{port.name} is disabled", commands=[_sudo("ip", "link", "set", port.name, "up")]
+            "port",
+            Verdict.FAIL,
+            msg(f"{arg(port.name)} is disabled"),
+            commands=[_sudo("ip", "link", "set", port.name, "up")],
         )
     if not port.carrier:
-        return _item("port", Verdict.FAIL, f"{port.name} is enabled but detects no cable (no carrier)", plug)
-    speed = "speed unknown" if port.speed_mbps is None else f"{port.speed_mbps} Mbit/s"
+        return _item("port", Verdict.FAIL, msg(f"{arg(port.name)} is enabled but detects no cable (no carrier)"), plug)
+    speed = msg("speed unknown" if port.speed_mbps is None else f"{arg(port.speed_mbps)} Mbit/s")
     if port.speed_mbps is not None and port.speed_mbps < _SLOW_MBPS:
         return _item(
-            "port", Verdict.WARN, f"{port.name} has a cable, at only {speed}", "try another cable, or clean the plugs"
+            "port",
+            Verdict.WARN,
+            msg(f"{arg(port.name)} has a cable, at only {arg(speed)}"),
+            "try another cable, or clean the plugs",
         )
     others = [each.name for each in _candidates(facts) if each.carrier and each != port]
     if others and not _reaching(place, facts):
         return _item(
             "port",
             Verdict.WARN,
-            f"{port.name} and {', '.join(others)} have a cable: unknown which one leads to {place.router}",
+            msg(
+                f"{arg(port.name)} and {arg(join(', ', others))} have a cable: unknown which one leads to "
+                f"{arg(place.router)}"
+            ),
             plug,
         )
-    return _item("port", Verdict.PASS, f"{port.name} has a cable, {speed}")
+    return _item("port", Verdict.PASS, msg(f"{arg(port.name)} has a cable, {arg(speed)}"))
 
 
 def _address_commands(place: RouterPlace, port: LaptopPort | None) -> list[str]:
@@ -205,20 +217,22 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
                 return _item(
                     "address",
                     Verdict.FAIL,
-                    f"{each.name} has {address.ip}, which is the address of {place.router} itself",
+                    msg(f"{arg(each.name)} has {arg(address.ip)}, which is the address of {arg(place.router)} itself"),
                     commands=[
                         _sudo("ip", "address", "del", address, "dev", each.name),
                         *_address_commands(place, port),
                     ],
                 )
     if any(place.laptop_address in each.addresses for each in reaching):
-        names = ", ".join(each.name for each in reaching if place.laptop_address in each.addresses)
-        return _item("address", Verdict.PASS, f"{place.laptop_address} on {names}")
+        names = join(", ", (each.name for each in reaching if place.laptop_address in each.addresses))
+        return _item("address", Verdict.PASS, msg(f"{arg(place.laptop_address)} on {arg(names)}"))
     if not reaching:
         return _item(
             "address",
             Verdict.FAIL,
-            f"no port has an address in {place.network} (network of {place.plug} of {place.router})",
+            msg(
+                f"no port has an address in {arg(place.network)} (network of {arg(place.plug)} of {arg(place.router)})"
+            ),
             commands=_address_commands(place, port),
         )
     first = reaching[0]
@@ -227,13 +241,13 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
     return _item(
         "address",
         Verdict.WARN if same else Verdict.FAIL,
-        f"{first.name} has {match}; the inventory has {place.laptop_address} for this laptop",
+        msg(f"{arg(first.name)} has {arg(match)}; the inventory has {arg(place.laptop_address)} for this laptop"),
         commands=_address_commands(place, first),
     )
 
 
 def _route_text(route: KernelRoute) -> str:
-    return f"{route.port}, through gateway {route.gateway}" if route.gateway else route.port
+    return msg(f"{arg(route.port)}, through gateway {arg(route.gateway)}") if route.gateway else route.port
 
 
 def _judge_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None, address: DoctorItem) -> DoctorItem:
@@ -242,11 +256,11 @@ def _judge_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | Non
     if address.verdict in (Verdict.PASS, Verdict.WARN) and port is not None:
         fix = [_sudo("ip", "route", "replace", f"{place.address}/32", "dev", port.name, "src", _source(place, port))]
     if route is None:
-        return _item("route", Verdict.FAIL, f"no route to {place.address}", commands=fix)
+        return _item("route", Verdict.FAIL, msg(f"no route to {arg(place.address)}"), commands=fix)
     if port is None or route.port != port.name or route.gateway is not None:
-        observation = f"{place.address} is routed to {_route_text(route)}"
+        observation = msg(f"{arg(place.address)} is routed to {arg(_route_text(route))}")
         if port is not None and route.port != port.name:
-            observation = f"{place.address} is routed to {_route_text(route)}, not to {port.name}"
+            observation = msg(f"{arg(place.address)} is routed to {arg(_route_text(route))}, not to {arg(port.name)}")
         return _item("route", Verdict.FAIL, observation, commands=fix)
     return _judge_source(place, route, fix)
 
@@ -260,27 +274,34 @@ def _judge_source(place: RouterPlace, route: KernelRoute, fix: Sequence[str]) ->
     """Judge whether the router's firewall admits the source address of the route."""
     source = route.source or "?"
     is_allowed = route.source is not None and any(IPv4Address(route.source) in each for each in place.admit)
-    networks = ", ".join(map(str, place.admit))
+    networks = join(", ", map(str, place.admit))
     if not is_allowed:
         return _item(
             "route",
             Verdict.FAIL,
-            f"{place.address} is reached from {source}; the firewall of {place.router} in the inventory admits only "
-            f"{networks}",
+            msg(
+                f"{arg(place.address)} is reached from {arg(source)}; the firewall of {arg(place.router)} in the "
+                f"inventory admits only {arg(networks)}"
+            ),
             commands=fix,
         )
-    return _item("route", Verdict.PASS, f"{place.address} is routed to {_route_text(route)}, from {source}")
+    return _item(
+        "route", Verdict.PASS, msg(f"{arg(place.address)} is routed to {arg(_route_text(route))}, from {arg(source)}")
+    )
 
 
 def _judge_far_route(place: RouterPlace, facts: NetworkFacts) -> DoctorItem:
     """Judge the route over a link: the laptop is not at the router and needs a route of its own to it."""
     route = facts.best_route
-    look = f"is the VPN or the route over {place.link} up on this laptop?"
+    look = msg(f"is the VPN or the route over {arg(place.link)} up on this laptop?")
     if route is None:
-        return _item("route", Verdict.FAIL, f"no route to {place.address}", look)
+        return _item("route", Verdict.FAIL, msg(f"no route to {arg(place.address)}"), look)
     if facts.matching and all(each.target == "default" for each in facts.matching) and place.address.is_private:
         return _item(
-            "route", Verdict.FAIL, f"only the default route leads to {place.address}: {_route_text(route)}", look
+            "route",
+            Verdict.FAIL,
+            msg(f"only the default route leads to {arg(place.address)}: {arg(_route_text(route))}"),
+            look,
         )
     item = _judge_source(place, route, ())
     return item if item.verdict is Verdict.PASS else _item("route", item.verdict, item.observation, look)
@@ -294,19 +315,22 @@ def _judge_other_ports(place: RouterPlace, facts: NetworkFacts, port: LaptopPort
             continue
         for address in each.addresses:
             if address.network.overlaps(place.network) and each.name != "lo":
-                conflicts.append(f"{each.name} has {address}")
+                conflicts.append(msg(f"{arg(each.name)} has {arg(address)}"))
                 commands.append(_sudo("ip", "address", "del", address, "dev", each.name))
     port_names = {port.name if port is not None else ""}
     for route in facts.matching:
         inside = route.target != "default" and route.port not in port_names
         if inside and not any(f"{route.port} has" in text for text in conflicts):
-            conflicts.append(f"{route.target} is routed to {_route_text(route)}")
+            conflicts.append(msg(f"{arg(route.target)} is routed to {arg(_route_text(route))}"))
             commands.append(_sudo("ip", "route", "del", route.target, "dev", route.port))
     if conflicts:
         return _item(
-            "other ports", Verdict.WARN, f"{'; '.join(conflicts)}: also in the router's network", commands=commands
+            "other ports",
+            Verdict.WARN,
+            msg(f"{arg(join('; ', conflicts))}: also in the router's network"),
+            commands=commands,
         )
-    return _item("other ports", Verdict.PASS, f"none in {place.network}")
+    return _item("other ports", Verdict.PASS, msg(f"none in {arg(place.network)}"))
 
 
 def _judge_default_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None) -> DoctorItem:
@@ -320,7 +344,7 @@ def _judge_default_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPo
         return _item(
             "default route",
             Verdict.WARN,
-            f"{through[0].port}: this laptop's updates and mail would use the site's links",
+            msg(f"{arg(through[0].port)}: this laptop's updates and mail would use the site's links"),
             commands=[_sudo("ip", "route", "del", *words) for words in by],
         )
     if not facts.defaults:
@@ -332,7 +356,7 @@ def why_not_contacted(place: RouterPlace, way: Sequence[DoctorItem]) -> str | No
     """Return why the router must not be contacted; None if one connection may be opened."""
     if any(item.name in ("port", "route") and item.verdict is Verdict.FAIL for item in way):
         return "not contacted: its route is not correct yet"
-    return f"not contacted: {place.link} is metered" if place.is_metered else None
+    return msg(f"not contacted: {arg(place.link)} is metered") if place.is_metered else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,7 +386,7 @@ def ask_router(place: RouterPlace) -> RouterAnswer:
 def judge_router(place: RouterPlace, answer: RouterAnswer, now: datetime | None = None) -> tuple[DoctorItem, ...]:
     """Judge whether the router responds, its identity, and whether both clocks are plausible."""
     if answer.trouble is not None:
-        hint = f"check the power of {place.router} and the cable in {place.plug}"
+        hint = msg(f"check the power of {arg(place.router)} and the cable in {arg(place.plug)}")
         return (_item("router", Verdict.FAIL, answer.trouble, hint),)
     return (_judge_identity(place, answer), _judge_dates(place, answer, now or datetime.now(UTC)))
 
@@ -370,23 +394,30 @@ def judge_router(place: RouterPlace, answer: RouterAnswer, now: datetime | None 
 def _judge_identity(place: RouterPlace, answer: RouterAnswer) -> DoctorItem:
     trust = [f"provision device trust site={place.site}"]
     if place.pin is None:
-        return _item("router", Verdict.WARN, f"{place.router} responds, but its certificate is not known", "", trust)
+        return _item(
+            "router", Verdict.WARN, msg(f"{arg(place.router)} responds, but its certificate is not known"), "", trust
+        )
     if place.pin.replace(":", "").lower() != answer.certificate:
         return _item(
             "router",
             Verdict.FAIL,
-            f"the device at {place.address} shows a different certificate than {place.router}",
+            msg(f"the device at {arg(place.address)} shows a different certificate than {arg(place.router)}"),
             "only if the router was renewed or replaced on purpose:",
             trust,
         )
-    return _item("router", Verdict.PASS, f"{place.router} responds with the known certificate; no login was made")
+    return _item(
+        "router", Verdict.PASS, msg(f"{arg(place.router)} responds with the known certificate; no login was made")
+    )
 
 
 def _judge_dates(place: RouterPlace, answer: RouterAnswer, now: datetime) -> DoctorItem:
     begins, ends = answer.valid_from, answer.valid_until
     if begins is None or ends is None:
-        return _item("dates", Verdict.INCONCLUSIVE, f"the certificate of {place.router} has no dates")
-    observation = f"its certificate is valid from {begins:%Y-%m-%d} to {ends:%Y-%m-%d}; the time here is {now:%Y-%m-%d}"
+        return _item("dates", Verdict.INCONCLUSIVE, msg(f"the certificate of {arg(place.router)} has no dates"))
+    observation = msg(
+        f"its certificate is valid from {arg(begins):%Y-%m-%d} to {arg(ends):%Y-%m-%d}; the time here is "
+        f"{arg(now):%Y-%m-%d}"
+    )
     if now < begins:
         return _item("dates", Verdict.FAIL, observation, "set this laptop's clock", ["sudo timedatectl set-ntp true"])
     if now > ends:

@@ -17,6 +17,7 @@ from atlantis_netcfg.computers.bundle import manifest
 from atlantis_netcfg.computers.image import ext4
 from atlantis_netcfg.core import packages, processes
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 
@@ -41,7 +42,7 @@ def judge_python(version: str) -> DoctorItem:
         return _item(
             "Python",
             Verdict.FAIL,
-            f"{version}; {'.'.join(map(str, _MINIMUM_PYTHON))} or newer is required",
+            msg(f"{arg(version)}; {arg('.'.join(map(str, _MINIMUM_PYTHON)))} or newer is required"),
             commands=["sudo apt-get install -y python3-venv"],
         )
     return _item("Python", Verdict.PASS, version)
@@ -52,7 +53,9 @@ def judge_packages(pins: Mapping[str, str], get_version: Callable[[str], str | N
     wrong = packages.drift(pins, get_version)
     if not wrong:
         return _item(
-            "packages", Verdict.PASS, f"{len(pins)} match the pinned versions; ansible-core {pins.get('ansible-core')}"
+            "packages",
+            Verdict.PASS,
+            msg(f"{arg(len(pins))} match the pinned versions; ansible-core {arg(pins.get('ansible-core'))}"),
         )
     return _item(
         "packages",
@@ -69,9 +72,11 @@ def judge_system(os_release: str) -> DoctorItem:
     title, name = properties.get("PRETTY_NAME", "unknown"), properties.get("ID", "")
     version = tuple(map(int, re.findall(r"\d+", properties.get("VERSION_ID", ""))))
     if name not in _TESTED_RELEASES or not version:
-        return _item("system", Verdict.WARN, f"{title}: not tested; tested are Debian 12, Ubuntu 24.04 and newer")
+        return _item(
+            "system", Verdict.WARN, msg(f"{arg(title)}: not tested; tested are Debian 12, Ubuntu 24.04 and newer")
+        )
     if version < _TESTED_RELEASES[name]:
-        return _item("system", Verdict.WARN, f"{title}: older than the systems this version was tested on")
+        return _item("system", Verdict.WARN, msg(f"{arg(title)}: older than the systems this version was tested on"))
     return _item("system", Verdict.PASS, title)
 
 
@@ -111,12 +116,22 @@ def judge_programs(
     if not missing:
         names = dict.fromkeys(word for package in need.packages.values() for word in package.split())
         package_versions = [f"{name} {versions[name]}" for name in names if name in versions]
-        return _item(need.name, Verdict.PASS, ", ".join(package_versions or need.packages))
+        return _item(need.name, Verdict.PASS, join(", ", package_versions or need.packages))
     commands = [f"sudo apt install {' '.join(dict.fromkeys(need.packages[program] for program in missing))}"]
-    programs = ", ".join(missing)
+    programs = join(", ", missing)
     if need.is_required:
-        return _item(need.name, Verdict.FAIL, f"missing: {programs}; required for {need.purpose}", commands=commands)
-    return _item(need.name, Verdict.SKIP, f"missing: {programs}; required only for {need.purpose}", commands=commands)
+        return _item(
+            need.name,
+            Verdict.FAIL,
+            msg(f"missing: {arg(programs)}; required for {arg(need.purpose)}"),
+            commands=commands,
+        )
+    return _item(
+        need.name,
+        Verdict.SKIP,
+        msg(f"missing: {arg(programs)}; required only for {arg(need.purpose)}"),
+        commands=commands,
+    )
 
 
 def debian_versions(packages: Iterable[str]) -> dict[str, str]:
@@ -143,7 +158,7 @@ def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorI
     """Report what rehearsals can emulate here; whether the kernel runs real systems is tested by the rehearsal."""
     name = "rehearsals"
     if off:
-        return _item(name, Verdict.SKIP, f"routers only: {lab.OFF} is set")
+        return _item(name, Verdict.SKIP, msg(f"routers only: {arg(lab.OFF)} is set"))
     if not root:
         return _item(name, Verdict.SKIP, "routers only; gateways are rehearsed as root, with `sudo`")
     if missing:
@@ -151,7 +166,7 @@ def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorI
         return _item(
             name,
             Verdict.SKIP,
-            f"routers only; missing for gateways: {debian}",
+            msg(f"routers only; missing for gateways: {arg(debian)}"),
             commands=[f"sudo apt install {debian}"],
         )
     return _item(name, Verdict.PASS, "routers and gateways: everything required for real systems is installed")

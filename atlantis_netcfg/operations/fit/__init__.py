@@ -23,6 +23,7 @@ from atlantis_netcfg import inventory
 from atlantis_netcfg.computers.dds_link import links_without_dds
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
 from atlantis_netcfg.links import standing_traffic
@@ -80,12 +81,18 @@ class TopicFit:
         yield from self.guidelines()
         name = self.topic.topic
         if not self.topic.reliable and self.message_loss is not None and self.message_loss > LOSSY:
-            yield f"of {name}, {self.message_loss:.0%} of the messages would be incomplete: make them smaller"
+            yield msg(
+                f"of {arg(name)}, {arg(self.message_loss):.0%} of the messages would be incomplete: make them smaller"
+            )
         if self.topic.reliable and self.cost.packets_up > 2 * self.cost.fragments:
             packets, once = round(self.cost.packets_up), self.cost.fragments
-            yield f"a reliable message of {name} takes {packets} packets; with best effort it takes {once}"
+            yield msg(
+                f"a reliable message of {arg(name)} takes {arg(packets)} packets; with best effort it takes {arg(once)}"
+            )
         if self.seconds > LONG_S:
-            yield f"a message of {name} takes {self.seconds:.1f} s to leave the site and delays those behind it"
+            yield msg(
+                f"a message of {arg(name)} takes {arg(self.seconds):.1f} s to leave the site and delays those behind it"
+            )
 
     def guidelines(self) -> Iterator[str]:
         """Yield the report's guidelines that the topic's rate, original or lowered, violates."""
@@ -93,9 +100,9 @@ class TopicFit:
         for rate_hz in dict.fromkeys((self.topic.rate_hz, self.rate_hz)):
             deviation = beside_guideline(data, rate_hz)
             if deviation is not None and deviation[0] == "above":
-                yield f"{topic} at {rate_hz:g} Hz is above the report's guideline ({deviation[1]})"
+                yield msg(f"{arg(topic)} at {arg(rate_hz):g} Hz is above the report's guideline ({arg(deviation[1])})")
             elif deviation is not None:
-                yield f"{topic} at {rate_hz:g} Hz is below the report's guideline ({deviation[1]})"
+                yield msg(f"{arg(topic)} at {arg(rate_hz):g} Hz is below the report's guideline ({arg(deviation[1])})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +150,9 @@ class LinkFit:
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the link, then about all topics."""
         kept_off = (
-            () if self.crosses else (f"DDS does not use {self.link.name}: set `dds: true` at the link to allow it",)
+            ()
+            if self.crosses
+            else (msg(f"DDS does not use {arg(self.link.name)}: set `dds: true` at the link to allow it"),)
         )
         return (*kept_off, *(words for topic in self.topics for words in topic.warnings()))
 
@@ -160,8 +169,8 @@ class LinkFit:
     def reason(self) -> str:
         """The reason for the verdict."""
         if self.fits:
-            return self.capacity.doubt or f"measured, {self.capacity.run}"
-        return f"more than {link_capacity.USABLE:.0%} of the capacity would be used at these rates"
+            return self.capacity.doubt or msg(f"measured, {arg(self.capacity.run)}")
+        return msg(f"more than {arg(link_capacity.USABLE):.0%} of the capacity would be used at these rates")
 
     def costs(self, seconds: int, *, is_thinned: bool = False) -> Bill:
         """Return the cost of this many seconds, both ways, including the site's standing traffic."""
@@ -281,7 +290,7 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
     )
     if profile is None or not subscribers:
         raise errors.NoMatchError(
-            f"no device at {site} publishes to a control centre",
+            f"no device at {arg(site)} publishes to a control centre",
             hint="add a control centre to the inventory, and a gateway or a `dds:` peer at the site",
         )
     selected_run = None if run is None else link_capacity.named_run(stores, site, run)
@@ -320,8 +329,13 @@ def unfit_vehicles(pilot_inventory: inventory.Inventory, now: datetime) -> Itera
             with suppress(errors.NoMatchError):
                 fit = vehicle_fit(pilot_inventory, (), name, key, now)
                 if not any(link.fits_thinned and link.crosses for link in fit.links):
-                    message = f"no DDS link of {name} carries what `{key}` publishes, even at the lowest useful rates"
-                    hint = f"`provision measure fit site={name} vehicle={key}` shows details, and what would fit"
+                    message = msg(
+                        f"no DDS link of {arg(name)} carries what `{arg(key)}` publishes, even at the lowest useful "
+                        "rates"
+                    )
+                    hint = msg(
+                        f"`provision measure fit site={arg(name)} vehicle={arg(key)}` shows details, and what would fit"
+                    )
                     yield inventory.Finding.at(pilot_inventory.places[name, site.bearers[0].name], message, hint)
 
 
@@ -335,10 +349,10 @@ def require_vehicle(pilot_inventory: inventory.Inventory, site: str, vehicle: st
     if vehicle not in pilot_inventory.vehicles:
         near, choices = (
             errors.nearest(vehicle, pilot_inventory.vehicles),
-            f"vehicles: {', '.join(pilot_inventory.vehicles)}",
+            msg(f"vehicles: {arg(join(', ', pilot_inventory.vehicles))}"),
         )
-        hint = f"did you mean `{near}`? {choices}" if near else choices
-        raise errors.NoMatchError(f"vehicle `{vehicle}` does not exist", hint=hint)
+        hint = msg(f"did you mean `{arg(near)}`? {arg(choices)}") if near else choices
+        raise errors.NoMatchError(f"vehicle `{arg(vehicle)}` does not exist", hint=hint)
 
 
 def _telemetry(inventory: inventory.Inventory, site: str, vehicle: str) -> tuple[model.TelemetryTopic, ...]:
@@ -346,7 +360,7 @@ def _telemetry(inventory: inventory.Inventory, site: str, vehicle: str) -> tuple
     topics = inventory.vehicles[vehicle].telemetry
     if not topics:
         raise errors.NoMatchError(
-            f"`{vehicle}` has no `telemetry:`: its data rates are unknown",
+            f"`{arg(vehicle)}` has no `telemetry:`: its data rates are unknown",
             hint="set its topics in group_vars/all/vehicles.yml (see docs/measuring.md)",
         )
     return topics
@@ -358,7 +372,8 @@ def _links(
     if selected_run is not None:
         if link is not None and link != selected_run.run.link:
             raise errors.UsageError(
-                f"run {selected_run.run.id} measured {selected_run.run.link}, not {link}", hint="remove `link=`"
+                f"run {arg(selected_run.run.id)} measured {arg(selected_run.run.link)}, not {arg(link)}",
+                hint="remove `link=`",
             )
         link = selected_run.run.link
     return inventory.sites[site].bearers if link is None else (link_named(inventory, site, link),)

@@ -8,6 +8,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links.standing_traffic import LinkPace
 from atlantis_netcfg.operations.common.traffic_budget import declared_pace
 from atlantis_netcfg.runs import NoSuchRun
@@ -105,7 +106,7 @@ def capacity_of(link: Link, saved_run: SavedRun | None, now: datetime, within_da
         None if idle is None else idle.flr.share_up,
         _SOURCES[measured_up is not None, measured_down is not None],
         saved_run.run.id,
-        "; ".join(_doubts(saved_run.run, now - timedelta(days=within_days), measured_up, measured_down)),
+        join("; ", _doubts(saved_run.run, now - timedelta(days=within_days), measured_up, measured_down)),
     )
 
 
@@ -113,7 +114,7 @@ def _doubts(run: MeasuredRun, oldest: datetime, up: float | None, down: float | 
     if run.emulated:
         yield "the run was emulated: it proves nothing about the real link"
     if run.way is not Verdict.PASS:
-        yield f"the run does not prove that it used {run.link}"
+        yield msg(f"the run does not prove that it used {arg(run.link)}")
     if run.begun < oldest:
         yield "the run is older than `qualified_within_days` of the checklist allows"
     if not up:

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations import guests, robots
 from atlantis_netcfg.operations.common import inventory_files
@@ -76,8 +77,8 @@ def measure(inventory: Inventory, site: str, vehicle: str, seconds: float, addre
     observation, reports = robots.discover(inventory, site, seconds, address)
     report = next((each for each in reports if (each.vehicle, each.state) == (vehicle, RobotState.DECLARED)), None)
     if report is None:
-        message = f"no messages of `{vehicle}` received at {site} in {observation.seconds:.0f} s"
-        hint = f"`provision robot discover site={site}` shows the received robots"
+        message = msg(f"no messages of `{arg(vehicle)}` received at {arg(site)} in {arg(observation.seconds):.0f} s")
+        hint = msg(f"`provision robot discover site={arg(site)}` shows the received robots")
         raise TelemetryUnknown(message, hint=hint)
     return telemetry_of(site, report, robot, inventory.vehicles[vehicle], observation.seconds)
 
@@ -106,7 +107,10 @@ def telemetry_of(
             topics.append(entry)
             unknown += [topic.name] if len(rates) < len(writers) else []
     if unknown:
-        message = f"the rate of {', '.join(unknown)} of `{report.vehicle}` is still unknown after {seconds:.0f} s"
+        message = msg(
+            f"the rate of {arg(join(', ', unknown))} of `{arg(report.vehicle)}` is still unknown after "
+            f"{arg(seconds):.0f} s"
+        )
         raise TelemetryUnknown(message, hint="three messages of each are needed: listen longer, `observed=5m`")
     others = sorted({each.topic for each in report.topics} - {each.topic for each in topics})
     return MeasuredTelemetry(site, str(report.vehicle), seconds, tuple(topics), tuple(others), report.findings)
@@ -138,7 +142,7 @@ def change(inventory: Inventory, telemetry: MeasuredTelemetry, day: date) -> Tel
     before = (inventory.root / file).read_bytes().decode()
     if vehicle.telemetry == telemetry.topics:
         return TelemetryChange(file, before, before, rows)
-    comment = f"received at {telemetry.site} on {day.isoformat()}, within {telemetry.seconds:.0f} s"
+    comment = msg(f"received at {arg(telemetry.site)} on {arg(day.isoformat())}, within {arg(telemetry.seconds):.0f} s")
     after = with_telemetry(before, (block, telemetry.vehicle), comment, rows)
     expected_vehicles = telemetry.of(inventory).vehicles
     if after is not None and inventory_files.validate_change(inventory.root, file, after).vehicles != expected_vehicles:
@@ -149,16 +153,21 @@ def change(inventory: Inventory, telemetry: MeasuredTelemetry, day: date) -> Tel
 def write(inventory: Inventory, telemetry: MeasuredTelemetry, edit: TelemetryChange) -> None:
     """Write the change; raise TelemetryUnknown if the robot differs from its file, or UsageError."""
     if (wrong := telemetry.wrong) is not None:
-        message = f"nothing was written, because `{telemetry.vehicle}` does not match its file: {wrong.message}"
-        raise TelemetryUnknown(message, hint=f"`provision robot discover site={telemetry.site}` shows all differences")
+        message = msg(
+            f"nothing was written, because `{arg(telemetry.vehicle)}` does not match its file: {arg(wrong.message)}"
+        )
+        raise TelemetryUnknown(
+            message, hint=f"`provision robot discover site={arg(telemetry.site)}` shows all differences"
+        )
     if (inventory.root / edit.file).read_bytes().decode() != edit.before:
         raise errors.UsageError(
-            f"{edit.file} changed in the meantime: nothing was written", hint="run the same command again"
+            f"{arg(edit.file)} changed in the meantime: nothing was written", hint="run the same command again"
         )
     if edit.after is None:
         hint = "add the lines shown without `--write` by hand"
         raise errors.UsageError(
-            f"`{telemetry.vehicle}` is not written in {edit.file} in a form that this command can edit", hint=hint
+            f"`{arg(telemetry.vehicle)}` is not written in {arg(edit.file)} in a form that this command can edit",
+            hint=hint,
         )
     if edit.difference:
         inventory_files.write(inventory.root, edit.file, edit.after)

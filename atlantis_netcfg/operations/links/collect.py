@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors, events
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding, policy
 from atlantis_netcfg.links.cost import Bill, bill
@@ -97,7 +98,7 @@ class LinkQueries:
         if isinstance(device, model.LteRouter) and device.driver is model.LteDriver.MANUAL:
             return "`driver: manual`: check its own web page"
         if not is_supported(host) and not isinstance(device, model.LteRouter):
-            return f"reading a {device.kind.replace('_', ' ')} is not supported yet"
+            return msg(f"reading a {arg(device.kind.replace('_', ' '))} is not supported yet")
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "not emulated in this rehearsal" if missing else None
 
@@ -147,8 +148,8 @@ class LinkQueries:
         answer = self.answers[name]
         if name in self.doors:
             session = self.doors[name]
-            return f"read in {session.round_trips} round trips, {session.bytes / 1000:.1f} kB"
-        return f"read in {answer.requests} requests" if isinstance(answer, UnitLook) else "read"
+            return msg(f"read in {arg(session.round_trips)} round trips, {arg(session.bytes / 1000):.1f} kB")
+        return msg(f"read in {arg(answer.requests)} requests" if isinstance(answer, UnitLook) else "read")
 
 
 def session_to(
@@ -328,7 +329,7 @@ async def collect_links(  # noqa: PLR0913, PLR0917 - all that a command line say
         (site_host for site_host in inventory.site_hosts(site) if isinstance(site_host.device, model.Router)), None
     )
     if router is None:
-        raise errors.NoMatchError(f"site `{site}` has no router, and only a router reports its links")
+        raise errors.NoMatchError(f"site `{arg(site)}` has no router, and only a router reports its links")
     routes = ways_of(inventory, router)
     began = datetime.now(UTC)
     queries = LinkQueries(inventory, router, request, notify, patience_s)
@@ -430,7 +431,7 @@ class _LinkSite:
     def _temporary_use(self, reading: RouterReading | None) -> tuple[str, LinkFinding] | None:
         if reading is None or reading.use is None:
             return None
-        hint = f"`provision links use site={self.router.site} end` ends it now"
+        hint = msg(f"`provision links use site={arg(self.router.site)} end` ends it now")
         return reading.use.link, LinkFinding(events.Verdict.WARN, IN_USE, reading.use.words(reading.uptime_s), hint)
 
     def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None
@@ -480,9 +481,9 @@ class _LinkSite:
     def _link_device_text(self, link: model.Link) -> str:
         box = self.inventory.hosts.get(link.device or "")
         if box is not None and isinstance(box.device, model.Cpe):
-            return f"{box.name} to {box.device.ptp.peer}"
+            return msg(f"{arg(box.name)} to {arg(box.device.ptp.peer)}")
         if box is not None and isinstance(box.device, model.LteRouter):
-            return f"{box.name} ({box.device.driver.value})"
+            return msg(f"{arg(box.name)} ({arg(box.device.driver.value)})")
         return link.device or ""
 
     def _power_port(self, link: model.Link) -> str | None:
@@ -495,5 +496,5 @@ class _LinkSite:
         try:
             return months(usage, self.router.name, self._reading, self.ways, self.now)
         except errors.NetcfgError as error:
-            self.notes.append(f"the bytes of this month are unknown: {error}")
+            self.notes.append(msg(f"the bytes of this month are unknown: {arg(error)}"))
             return dict.fromkeys((route.name for route in self.ways), runs.MonthBytes())

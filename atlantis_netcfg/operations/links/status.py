@@ -8,6 +8,7 @@ from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding, LinkState, LinkStatus, Quality, wifi
 from atlantis_netcfg.links import wifi as radios
@@ -122,7 +123,7 @@ def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
     """Downgrade a silent far end to inconclusive while the bridge is down, when silence is expected."""
     if boxes.state in {None, LinkState.UP, LinkState.UNKNOWN} or far not in boxes.silent:
         return boxes
-    message = f"cannot read {far.device}, as expected while the bridge is down: {far.message}"
+    message = msg(f"cannot read {arg(far.device)}, as expected while the bridge is down: {arg(far.message)}")
     hint = "repair the bridge first; if it still does not respond, check its power"
     finding = LinkFinding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
     rest = tuple(item for item in boxes.silent if item is not far)
@@ -131,7 +132,7 @@ def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
 
 def _end_status(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> BoxesStatus:
     if look.reading is None:
-        message = f"{host.name}: no radio in its menus"
+        message = msg(f"{arg(host.name)}: no radio in its menus")
         hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi.md"
         return BoxesStatus(LinkState.DOWN, {}, (LinkFinding(Verdict.FAIL, "no-radio", message, hint),))
     if not others:
@@ -169,7 +170,12 @@ def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[LinkFind
     verdict = Verdict.INCONCLUSIVE if answers is not False else Verdict.FAIL
     suffix = {True: ", but its link works", None: "", False: ", and nothing responds over its link"}[answers]
     return tuple(
-        LinkFinding(verdict, "device-unreachable", f"cannot read {item.device}{suffix}: {item.message}", item.hint)
+        LinkFinding(
+            verdict,
+            "device-unreachable",
+            msg(f"cannot read {arg(item.device)}{arg(suffix)}: {arg(item.message)}"),
+            item.hint,
+        )
         for item in silent
     )
 
@@ -361,7 +367,9 @@ def _quality(observation: SeenLinks) -> Quality:
 
 def _findings(observation: SeenLinks) -> Iterator[LinkFinding]:
     if isinstance(observation.router, Silent):
-        message = f"cannot read the router, so the state of this link is unknown: {observation.router.message}"
+        message = msg(
+            f"cannot read the router, so the state of this link is unknown: {arg(observation.router.message)}"
+        )
         yield LinkFinding(Verdict.INCONCLUSIVE, "router-unreachable", message, observation.router.hint)
     yield from _port_findings(observation)
     yield from _of_strangers(observation)
@@ -384,18 +392,20 @@ def _port_findings(observation: SeenLinks) -> Iterator[LinkFinding]:
     reading = observation.reading
     if reading is not None and reading.ports is not None and port is None:
         hint = "compare `ports` in the router's host_vars with the device"
-        yield LinkFinding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
+        yield LinkFinding(Verdict.FAIL, "port-missing", msg(f"the router has no port {arg(name)}"), hint)
     elif reading is not None and (alias := reading.port_aliases.get(name or "")) is not None:
         hint = "run provision for the site: it restores port names and applies the port settings"
-        message = f"port {name} of the router is named {alias} there: settings bound to the name apply elsewhere"
+        message = msg(
+            f"port {arg(name)} of the router is named {arg(alias)} there: settings bound to the name apply elsewhere"
+        )
         yield LinkFinding(Verdict.FAIL, "port-renamed", message, hint)
     elif port is not None and port.is_disabled:
         hint = "apply the site's configuration to enable it, or find out who disabled it"
-        yield LinkFinding(Verdict.FAIL, "port-disabled", f"port {name} of the router is disabled", hint)
+        yield LinkFinding(Verdict.FAIL, "port-disabled", msg(f"port {arg(name)} of the router is disabled"), hint)
     elif port is not None and port.running is False:
-        fed = f" from PoE of {observation.power_port}" if observation.power_port else ""
-        hint = f"is the cable plugged in at both ends, and does the device have power{fed}?"
-        yield LinkFinding(Verdict.FAIL, "port-down", f"port {name} of the router has no link", hint)
+        fed = msg(f" from PoE of {arg(observation.power_port)}" if observation.power_port else "")
+        hint = msg(f"is the cable plugged in at both ends, and does the device have power{arg(fed)}?")
+        yield LinkFinding(Verdict.FAIL, "port-down", msg(f"port {arg(name)} of the router has no link"), hint)
 
 
 def _of_strangers(observation: SeenLinks) -> Iterator[LinkFinding]:
@@ -420,7 +430,7 @@ def _of_probe_targets(observation: SeenLinks, *, is_explained: bool) -> Iterator
     """Report silent probe targets; a link that is down is reported once, by the finding that explains it."""
     silent = [echo.target for echo in observation.echoes if not echo.received_count]
     if observation.answers is False and not is_explained:
-        message = f"no probe target responds over this link ({', '.join(silent)})"
+        message = msg(f"no probe target responds over this link ({arg(join(', ', silent))})")
         waits = observation.boxes_status.state is LinkState.UP
         hint = (
             "its device is connected: check beyond it, at the far router or the provider"
@@ -429,7 +439,7 @@ def _of_probe_targets(observation: SeenLinks, *, is_explained: bool) -> Iterator
         )
         yield LinkFinding(Verdict.FAIL, "canaries-silent", message, hint)
     elif observation.answers and silent:
-        message = f"{', '.join(silent)} does not respond over this link, the others do"
+        message = msg(f"{arg(join(', ', silent))} does not respond over this link, the others do")
         hint = "one probe target is enough to prove the link; if it stays silent, set another one in `canaries`"
         yield LinkFinding(Verdict.WARN, "canary-silent", message, hint)
     elif observation.answers and any(echo.received_count < echo.sent_count for echo in observation.echoes):
@@ -437,7 +447,7 @@ def _of_probe_targets(observation: SeenLinks, *, is_explained: bool) -> Iterator
             sum(echo.sent_count for echo in observation.echoes),
             sum(echo.received_count for echo in observation.echoes),
         )
-        message = f"{sent_count - received_count} of {sent_count} pings were lost"
+        message = msg(f"{arg(sent_count - received_count)} of {arg(sent_count)} pings were lost")
         yield LinkFinding(Verdict.WARN, "loss", message, "check again; a link that keeps losing packets may fail soon")
 
 
@@ -456,8 +466,10 @@ def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, LinkFinding], .
 
 
 def _duplicate_address_finding(address: str, many: Sequence[SeenLinks]) -> LinkFinding:
-    where = " and ".join(f"{item.route.port} ({item.route.name})" for item in many)
-    message = f"{address} responds on {where}: two devices share one address, and the router reaches only one"
+    where = " and ".join(msg(f"{arg(item.route.port)} ({arg(item.route.name)})") for item in many)
+    message = msg(
+        f"{arg(address)} responds on {arg(where)}: two devices share one address, and the router reaches only one"
+    )
     return LinkFinding(Verdict.FAIL, "address-twice", message, "give each device its address from the inventory")
 
 
@@ -494,14 +506,17 @@ def _rank_status(
     status: LinkStatus, number: int, place: int, statuses: Sequence[LinkStatus], fail_back_s: int
 ) -> LinkStatus:
     if number < place and status.state is LinkState.UP:
-        message = f"it responds, but {statuses[place].name} carries the traffic"
-        hint = f"it is used again after it has responded for {fail_back_s} s without interruption: check again then"
+        message = msg(f"it responds, but {arg(statuses[place].name)} carries the traffic")
+        hint = msg(
+            f"it is used again after it has responded for {arg(fail_back_s)} s without interruption: check again then"
+        )
         return _add_finding(status, LinkFinding(Verdict.WARN, "not-taken-yet", message, hint))
     if number and status.active:
         cost_note = ", and it is metered" if status.is_metered else ""
-        message = f"it carries the traffic in place of {statuses[0].name}{cost_note}"
+        message = msg(f"it carries the traffic in place of {arg(statuses[0].name)}{arg(cost_note)}")
         return _add_finding(
-            status, LinkFinding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}")
+            status,
+            LinkFinding(Verdict.WARN, "in-place-of-a-better-one", message, msg(f"repair {arg(statuses[0].name)}")),
         )
     return status
 

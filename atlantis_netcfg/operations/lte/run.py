@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.core import errors, events
 from atlantis_netcfg.core.crash_report import report_crash
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.lte import Registration, rutos_client, rutos_settings
 from atlantis_netcfg.links.lte.judge import quality
@@ -80,9 +81,9 @@ def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
     """Return the unit's configuration by package and section; raise SettingError or ConsoleLost."""
     end = shell.run(rutos_settings.SHOW)
     if end.code:
-        words = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
+        words = (end.error.strip() or msg(f"exit status {arg(end.code)}")).splitlines()[0]
         raise rutos_settings.SettingError(
-            f"cannot read the unit's configuration over SSH: {words}",
+            f"cannot read the unit's configuration over SSH: {arg(words)}",
             hint="may `admin_user` log in over SSH, and is this a Teltonika unit?",
         )
     return rutos_settings.parse_show(end.out)
@@ -162,7 +163,7 @@ class UnitConvergence:
         return runs.mark_unrecorded(result, runs.conclude(self._journal, outcome))
 
     def _run(self) -> LteResult:
-        self._tell(events.Stage.CONNECTING, f"driver {self._unit.device.driver}")
+        self._tell(events.Stage.CONNECTING, msg(f"driver {arg(self._unit.device.driver)}"))
         reading = self._unit.look()
         self._tell(events.Stage.OBSERVED, reading.reading.state.value.replace("_", " "))
         if not self._unit.may_set:
@@ -190,12 +191,12 @@ class UnitConvergence:
             settings = SettingsResult(
                 rutos_settings.changes(reading.reading, desired_settings, sections), commands=shell.count
             )
-            self._tell(events.Stage.PLANNED, f"{len(settings.changes)} settings differ")
+            self._tell(events.Stage.PLANNED, msg(f"{arg(len(settings.changes))} settings differ"))
             if self._plan_only or not settings.changes:
                 return settings
             if self._approved_hash is not None and self._approved_hash != settings.hash:
                 raise errors.DeviceError(
-                    f"{unit.name}: the differences are no longer those that were confirmed, so nothing was set",
+                    f"{arg(unit.name)}: the differences are no longer those that were confirmed, so nothing was set",
                     hint="run it again and review the plan",
                 )
             self._write(shell, settings, sections)
@@ -215,7 +216,7 @@ class UnitConvergence:
             self._unit.pin_attempt.remember()
         self._journal.write(runs.LayerSent(device=name, layer=LAYER, actions=numbers))
         self._touched = True
-        self._tell(events.Stage.APPLYING, f"{len(numbers)} settings")
+        self._tell(events.Stage.APPLYING, msg(f"{arg(len(numbers))} settings"))
         words = shell.run(rutos_settings.WRITE, input_text=rutos_settings.batch(settings.changes)).error.strip()
         # A unit whose network reloads may drop the session: a new one tells what has come of it.
         with suppress(ConsoleLost):
@@ -231,9 +232,9 @@ class UnitConvergence:
             self._touched = bool(applied_changes)
             missing_change = next(element for element in settings.changes if element not in applied_changes)
             raise errors.DeviceError(
-                f"{name}: {len(applied_changes)} of {len(settings.changes)} settings were saved; not saved: "
-                f"{missing_change.package}."
-                f"{missing_change.section}.{missing_change.option}{f' ({words.splitlines()[0]})' if words else ''}",
+                f"{arg(name)}: {arg(len(applied_changes))} of {arg(len(settings.changes))} settings were saved; not "
+                f"saved: {arg(missing_change.package)}.{arg(missing_change.section)}.{arg(missing_change.option)}"
+                f"{f' ({arg(words.splitlines()[0])})' if words else ''}",
                 hint="is the unit's flash full, or its configuration locked? Check its own web page",
             )
         self._journal.write(runs.ActionConfirmation(device=name, actions=numbers))
@@ -260,7 +261,8 @@ class UnitConvergence:
             shell.run(rutos_settings.WRITE, input_text=rutos_settings.removal(wrong))
             if rutos_settings.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
                 raise errors.DeviceError(
-                    f"{self._unit.name}: the unit still stores the PIN that the SIM refused, and would send it again",
+                    f"{arg(self._unit.name)}: the unit still stores the PIN that the SIM refused, and would send it "
+                    "again",
                     hint="remove the PIN on the unit's web page before it restarts",
                 )
             return replace(settings, taken_back=True, commands=settings.commands + shell.count)
@@ -296,7 +298,7 @@ class UnitConvergence:
 
     def _silent(self, before: UnitStatus, settings: SettingsResult, silent: errors.DeviceError) -> LteResult:
         """Return the result for a unit that has not responded since its settings were written."""
-        message = f"{len(settings.changes)} settings applied and verified; since then: {silent}"
+        message = msg(f"{arg(len(settings.changes))} settings applied and verified; since then: {arg(silent)}")
         result = self._result(before, settings)
         return replace(
             result, exit=errors.ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=()
@@ -308,10 +310,10 @@ class UnitConvergence:
         status, code, message = self._outcome(reading, settings)
         hint = None
         if worst is not None:
-            message, hint = f"{message}; {worst.message}", worst.hint
+            message, hint = msg(f"{arg(message)}; {arg(worst.message)}"), worst.hint
             code = errors.ExitCode.CHECKS_FAILED if code is errors.ExitCode.DONE else code
         if settings.refusal is not None:
-            message = f"not changed: {settings.refusal}"
+            message = msg(f"not changed: {arg(settings.refusal)}")
         return LteResult(
             name=self._unit.name,
             status=status,
@@ -336,16 +338,24 @@ class UnitConvergence:
             return Status.LEFT_AS_FOUND, errors.ExitCode.FAILED, settings.refusal
         words = _state(reading)
         if settings.is_done:
-            summary = f"{len(settings.changes) - settings.taken_back} settings applied and verified"
+            summary = msg(f"{arg(len(settings.changes) - settings.taken_back)} settings applied and verified")
             back = ", PIN removed" if settings.taken_back else ""
-            return Status.CHANGED, errors.ExitCode.DONE, f"{summary}{back}; {words}"
+            return Status.CHANGED, errors.ExitCode.DONE, msg(f"{arg(summary)}{arg(back)}; {arg(words)}")
         if settings.changes:
-            return Status.PLANNED, errors.ExitCode.CHANGES, f"{len(settings.changes)} settings would be set; {words}"
+            return (
+                Status.PLANNED,
+                errors.ExitCode.CHANGES,
+                msg(f"{arg(len(settings.changes))} settings would be set; {arg(words)}"),
+            )
         if self._unit.device.driver is LteDriver.MANUAL:
             return Status.UNCHANGED, errors.ExitCode.NOTHING, "not checked: this 4G unit must be checked by hand"
         if self._unit.may_set:
-            return Status.UNCHANGED, errors.ExitCode.DONE, f"matches the inventory, nothing was changed; {words}"
-        return Status.UNCHANGED, errors.ExitCode.DONE, f"checked only; {words}"
+            return (
+                Status.UNCHANGED,
+                errors.ExitCode.DONE,
+                msg(f"matches the inventory, nothing was changed; {arg(words)}"),
+            )
+        return Status.UNCHANGED, errors.ExitCode.DONE, msg(f"checked only; {arg(words)}")
 
     def _unset(self) -> tuple[str, ...]:
         """Return notes on settings that the driver does not change."""
@@ -355,7 +365,7 @@ class UnitConvergence:
         if driver is LteDriver.RUTOS and sim.bands:
             return ("bands are compared with the band in use but not set: set them on the unit's web page",)
         if driver in (LteDriver.AT, LteDriver.MODEMMANAGER):
-            return (f"driver {driver} is read-only: the SIM settings are compared but not set",)
+            return (msg(f"driver {arg(driver)} is read-only: the SIM settings are compared but not set"),)
         return ()
 
     def _failure_result(self, error: errors.NetcfgError, status: Status) -> LteResult:
@@ -372,7 +382,7 @@ def _state(look: UnitStatus) -> str:
     reading = look.reading
     words = reading.state.value.replace("_", " ")
     network = " ".join(word for word in (reading.operator, reading.access_tech, reading.band) if word)
-    return f"{words} ({network})" if network else words
+    return msg(f"{arg(words)} ({arg(network)})") if network else words
 
 
 _REHEARSAL_PATIENCE = UnitPatience(settle_s=1.0, poll_s=0.1)
@@ -489,7 +499,7 @@ def _journal(
 
 def _host_result(result: LteResult) -> dict[str, Any]:
     fine = result.exit in FINE
-    message = f"{result.message} ({result.hint})" if result.hint else result.message
-    diff = f"{result.name}:\n{result.diff}" if result.diff else ""
+    message = msg(f"{arg(result.message)} ({arg(result.hint)})") if result.hint else result.message
+    diff = msg(f"{arg(result.name)}:\n{arg(result.diff)}" if result.diff else "")
     has_changed = bool(result.planned_actions) and result.exit in (errors.ExitCode.DONE, errors.ExitCode.CHANGES)
     return {**result.as_dict(), "ok": fine, "changed": has_changed, "message": message, "shown": diff}

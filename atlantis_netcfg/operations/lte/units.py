@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Subscriber, Verdict
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
@@ -104,7 +105,7 @@ class LteUnit:
     def look(self) -> UnitStatus:
         """Read and judge the unit without changes; raise DeviceError or EmulationUnavailable."""
         if self.is_rehearsal and self.target is None and self.device.driver is not model.LteDriver.MANUAL:
-            raise EmulationUnavailable(f"not checked: driver {self.device.driver} has no emulator")
+            raise EmulationUnavailable(f"not checked: driver {arg(self.device.driver)} has no emulator")
         readers: dict[model.LteDriver, Callable[[], UnitStatus]] = {
             model.LteDriver.RUTOS: self._rutos,
             model.LteDriver.AT: self._at,
@@ -174,7 +175,8 @@ class LteUnit:
         saved_serial = self.pins.pin(f"{_SERIAL}{self.name}", serial)
         if saved_serial != serial:
             raise errors.DeviceError(
-                f"{self.name}: another unit responds here: serial number {serial}, expected {saved_serial}",
+                f"{arg(self.name)}: another unit responds here: serial number {arg(serial)}, expected "
+                f"{arg(saved_serial)}",
                 hint="if the unit was replaced on purpose, remove its lines from pins.json in the state folder",
             )
 

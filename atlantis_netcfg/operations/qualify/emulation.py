@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.udp_link import UdpRelay
 from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS, VPN_HEADERS
@@ -74,7 +75,7 @@ class EmulatedLink:
         if answer["passed"]:
             return []
         port = answer["port"] or "any port"
-        return [f"the emulated router would not have passed any test packet through {port}"]
+        return [msg(f"the emulated router would not have passed any test packet through {arg(port)}")]
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.reflector import QUALIFY_SERVICE
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model, satellite_allow_list
 from atlantis_netcfg.links.qualify.measured_run import Selection
 from atlantis_netcfg.links.qualify.reflector.stamp import PORT, reflector_key
@@ -60,7 +61,7 @@ class MeasuredFarEnd:
             return
         if selection is not Selection.TELEMETRY:
             raise errors.UsageError(
-                f"`profile={selection}` needs our own far end, which confirms messages",
+                f"`profile={arg(selection)}` needs our own far end, which confirms messages",
                 hint="remove `far=`, or type `profile=telemetry`",
             )
         for link in links:
@@ -69,7 +70,7 @@ class MeasuredFarEnd:
                 targets, IPv4Address(self.address), self.port, model.Transport.UDP
             ):
                 raise NothingToQualify(
-                    f"`{link.name}` blocks traffic to {self.address}, UDP port {self.port}",
+                    f"`{arg(link.name)}` blocks traffic to {arg(self.address)}, UDP port {arg(self.port)}",
                     hint="add it under `allow` of that link, or remove `far=`",
                 )
 
@@ -93,7 +94,7 @@ def far_end_of(inventory: Inventory, *, over_vpn: bool, other: str | None = None
         device = inventory.hosts[qualify.reflector].device
         inside = device.vpn_address if isinstance(device, model.ServerComputer) else None
         if inside is None:
-            raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="remove `over=vpn`")
+            raise NothingToQualify(f"`{arg(qualify.reflector)}` has no address in the VPN", hint="remove `over=vpn`")
         address = inside
     return MeasuredFarEnd(qualify.reflector, str(address), qualify.port, key_of(qualify))
 
@@ -117,20 +118,24 @@ def open_far_end(inventory: Inventory, request: Request) -> None:
     access = computer_access(inventory, host, request)
     line = f"systemctl start {QUALIFY_SERVICE}"
     command = [*ssh_command(access), f"sudo -n {line}" if access["become"] else line]
-    hint = f"check that you can reach it over SSH; `provision site={host.site} device={host.name}` sets it up"
+    hint = msg(
+        f"check that you can reach it over SSH; `provision site={arg(host.site)} device={arg(host.name)}` sets it up"
+    )
     try:
         process = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
             command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_OPENING_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise FarEndUnavailable(
-            f"{host.name} did not start the far end of the measurement: {error}", hint=hint
+            f"{arg(host.name)} did not start the far end of the measurement: {arg(error)}", hint=hint
         ) from None
     if process.returncode:
         if (trouble := key_trouble(host.name, process.stderr)) is not None:
-            raise FarEndUnavailable(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
-        last = process.stderr.strip().rpartition("\n")[2] or f"exit {process.returncode}"
-        raise FarEndUnavailable(f"{host.name} did not start the far end of the measurement: {last}", hint=hint)
+            raise FarEndUnavailable(f"{arg(host.name)} at {arg(access['host'])}: {arg(trouble[0])}", hint=trouble[1])
+        last = process.stderr.strip().rpartition("\n")[2] or msg(f"exit {arg(process.returncode)}")
+        raise FarEndUnavailable(
+            f"{arg(host.name)} did not start the far end of the measurement: {arg(last)}", hint=hint
+        )
 
 
 def _parse_far_end(inventory: Inventory, text: str, *, over_vpn: bool) -> MeasuredFarEnd:
@@ -141,10 +146,13 @@ def _parse_far_end(inventory: Inventory, text: str, *, over_vpn: bool) -> Measur
     except ValueError:
         address, port = IPv4Address(0), 0
     if address.is_unspecified or address.is_multicast or not 0 < port < 1 << 16:
-        raise errors.UsageError(f"`far={text}` is not an IPv4 address", hint=f"type it like `far=192.0.2.7:{PORT}`")
+        raise errors.UsageError(
+            f"`far={arg(text)}` is not an IPv4 address", hint=f"type it like `far=192.0.2.7:{arg(PORT)}`"
+        )
     if over_vpn and address not in inventory.pilot.vpn.network:
         raise errors.UsageError(
-            f"`far={text}` is not an address in the VPN ({inventory.pilot.vpn.network})", hint="remove `over=vpn`"
+            f"`far={arg(text)}` is not an address in the VPN ({arg(inventory.pilot.vpn.network)})",
+            hint="remove `over=vpn`",
         )
     return MeasuredFarEnd(text, str(address), port, None)
 
@@ -154,7 +162,7 @@ def source_in_vpn(inventory: Inventory, far: str, port: int) -> str:
     address = _address_towards(far, port)
     if address not in inventory.pilot.vpn.network:
         raise errors.UsageError(
-            f"this computer has no active tunnel: it would send to {far} from {address}",
+            f"this computer has no active tunnel: it would send to {arg(far)} from {arg(address)}",
             hint="measure from a computer connected to the VPN, or remove `over=vpn`",
         )
     return str(address)
@@ -166,8 +174,10 @@ def source_of(inventory: Inventory, site: str, far: str, port: int) -> str:
     place = inventory.sites[site]
     if address not in place.lan.network and address not in place.management.network:
         raise errors.UsageError(
-            f"this computer would send from {address}, but the router forwards only packets from networks of `{site}`",
-            hint=f"connect it to the LAN ({place.lan.network}) or the management port ({place.management.network})",
+            f"this computer would send from {arg(address)}, but the router forwards only packets from networks of "
+            f"`{arg(site)}`",
+            hint=f"connect it to the LAN ({arg(place.lan.network)}) or the management port "
+            f"({arg(place.management.network)})",
         )
     return str(address)
 
@@ -178,4 +188,4 @@ def _address_towards(far: str, port: int) -> IPv4Address:
             probe.connect((far, port))  # no packet is sent by it
             return IPv4Address(probe.getsockname()[0])
         except OSError as error:
-            raise errors.UsageError(f"this computer has no route to {far}: {error.strerror}") from error
+            raise errors.UsageError(f"this computer has no route to {arg(far)}: {arg(error.strerror)}") from error

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.qualify import search, session
 from atlantis_netcfg.links.qualify.figures import train_figures
 from atlantis_netcfg.links.qualify.messages import MessageStream
@@ -112,7 +113,10 @@ class Measurement:
             *([("round trips under load", self._measure_load)] if self.plan.load is not None else []),
             *([("goodput from the far end", self._measure_load_down)] if self.plan.load_down is not None else []),
             *((cell.stream, partial(self._measure_cell, cell)) for cell in self.plan.cells),
-            *((f"maximum rate of {size} octets", partial(self._search_rate, size)) for size in self.plan.sizes),
+            *(
+                (msg(f"maximum rate of {arg(size)} octets"), partial(self._search_rate, size))
+                for size in self.plan.sizes
+            ),
         ]
         self.reason = session.EndReason.DONE
         for number, (name, stage) in enumerate(stages):

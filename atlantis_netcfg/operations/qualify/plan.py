@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.links.qualify import grids
 from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS, VPN_HEADERS
@@ -172,11 +173,11 @@ def thresholds_of(link: Link, *, is_rehearsal: bool = False) -> tuple[str, Quali
     settings = link.qualify
     name = (settings.profile or link.kind.traits.thresholds).value
     changes = settings.model_dump(exclude={"profile"}, exclude_none=True)
-    title = f"{name}, with its own {', '.join(changes)}" if changes else name
+    title = msg(f"{arg(name)}, with its own {arg(join(', ', changes))}") if changes else name
     limits = profile(name).model_copy(update=changes)
     if is_rehearsal and limits.gap_s > REHEARSED_GAP_S:
         limits = limits.model_copy(update={"gap_s": REHEARSED_GAP_S})
-        title += f", outages up to {REHEARSED_GAP_S:g} s in a rehearsal"
+        title += msg(f", outages up to {arg(REHEARSED_GAP_S):g} s in a rehearsal")
     return title, limits
 
 

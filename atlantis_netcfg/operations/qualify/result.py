@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.paths import shorten_home
 from atlantis_netcfg.links.cost import size
 from atlantis_netcfg.links.qualify.grids import table
@@ -76,33 +77,35 @@ class QualifyResult:
     def lines(self) -> Iterator[str]:
         """Yield the report's lines, within 80 columns except for reasons."""
         run = self.run
-        yield f"{run.site}, {run.link}, against `{run.thresholds_name}`:"
+        yield msg(f"{arg(run.site)}, {arg(run.link)}, against `{arg(run.thresholds_name)}`:")
         if run.emulated:
             yield "  emulated: these figures prove nothing about a real link"
         for each in self.record.judgements:
             figures = f"{_value(each.measured, each.unit):>9} {_limit(each):>12}"
-            yield f"  {each.verdict.value:<12} {each.criterion:<38} {figures}"
+            yield msg(f"  {arg(each.verdict.value):<12} {arg(each.criterion):<38} {arg(figures)}")
             if each.verdict is not Verdict.PASS and each.reason != "beyond the limit":
-                yield f"  {'':<12} {each.reason}"
+                yield msg(f"  {'':<12} {arg(each.reason)}")
         if not self.record.judgements:
-            yield f"  {Verdict.INCONCLUSIVE.value:<12} nothing was measured without load"
-        yield f"  {run.way.value:<12} over the intended link"
-        yield f"  {'':<12} {run.way_reason}"
-        mtu = run.path_mtu_reason or f"{run.path_mtu_up} octets up, {run.path_mtu_both} in both directions"
-        yield f"  path MTU: {mtu}"
+            yield msg(f"  {arg(Verdict.INCONCLUSIVE.value):<12} nothing was measured without load")
+        yield msg(f"  {arg(run.way.value):<12} over the intended link")
+        yield msg(f"  {'':<12} {arg(run.way_reason)}")
+        mtu = run.path_mtu_reason or msg(
+            f"{arg(run.path_mtu_up)} octets up, {arg(run.path_mtu_both)} in both directions"
+        )
+        yield msg(f"  path MTU: {arg(mtu)}")
         for row in self.record.load:
-            had = "nothing received" if row.goodput_bps is None else f"{row.goodput_bps / 1000:.0f} kbit/s"
-            yield f"  {row.verdict.value:<12} goodput {row.way}, at the receiver: {had}"
+            had = msg("nothing received" if row.goodput_bps is None else f"{arg(row.goodput_bps / 1000):.0f} kbit/s")
+            yield msg(f"  {arg(row.verdict.value):<12} goodput {arg(row.way)}, at the receiver: {arg(had)}")
             if row.doubt:
-                yield f"  {'':<12} {row.doubt}"
+                yield msg(f"  {'':<12} {arg(row.doubt)}")
         for rate in self.record.highest_rates:
             yield f"  {_rate(rate)}"
         if rows := (*self.record.telemetry, *self.record.images):
             yield from table(rows)
         for remark in run.remarks:
-            yield f"  {'error: ' if self.failure is not None and remark == str(self.failure) else ''}{remark}"
+            yield msg(f"  {'error: ' if self.failure is not None and remark == str(self.failure) else ''}{arg(remark)}")
         yield f"  {_end_line(run)}"
-        yield f"  saved in {shorten_home(self.folder)}"
+        yield msg(f"  saved in {arg(shorten_home(self.folder))}")
 
 
 def _value(value: float | None, unit: str) -> str:
@@ -116,9 +119,12 @@ def _limit(judgement: Judgement) -> str:
 
 def _rate(rate: HighestRate) -> str:
     if rate.rate_hz is None:
-        return f"maximum rate of {rate.size} octets: none was sustained ({rate.limited_by})"
+        return msg(f"maximum rate of {arg(rate.size)} octets: none was sustained ({arg(rate.limited_by)})")
     least = "" if rate.proved else "at least "
-    return f"maximum rate of {rate.size} octets: {least}{rate.rate_hz:.3g} per second ({rate.limited_by})"
+    return msg(
+        f"maximum rate of {arg(rate.size)} octets: {arg(least)}{arg(rate.rate_hz):.3g} per second "
+        f"({arg(rate.limited_by)})"
+    )
 
 
 def _end_line(run: MeasuredRun) -> str:
@@ -134,5 +140,8 @@ def _end_line(run: MeasuredRun) -> str:
     cost = ""
     if run.price is not None:
         would = "a real link would have cost " if run.emulated else ""
-        cost = f", {would}{run.price.quantize(_CENT, ROUND_CEILING)} {run.currency}"
-    return f"{words}: {size(run.sent_bytes)} up and {size(run.received_bytes)} down in {seconds:.0f} s{cost}"
+        cost = msg(f", {arg(would)}{arg(run.price.quantize(_CENT, ROUND_CEILING))} {arg(run.currency)}")
+    return msg(
+        f"{arg(words)}: {arg(size(run.sent_bytes))} up and {arg(size(run.received_bytes))} down in {arg(seconds):.0f} "
+        f"s{arg(cost)}"
+    )

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links.qualify.measured_run import LinkCount
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
 from atlantis_netcfg.routeros import api
@@ -119,7 +120,9 @@ async def router_words(session: api.Session) -> str | None:
     """Return the router's model and version as text; None if it does not report them."""
     read = api.Command("/system/resource/print", ((".proplist", "version,board-name"),))
     row = next(iter((await session.command(read)).check().rows), {})
-    return f"{row.get('board-name', 'a router')}, RouterOS {row['version']}" if "version" in row else None
+    return (
+        msg(f"{arg(row.get('board-name', 'a router'))}, RouterOS {arg(row['version'])}") if "version" in row else None
+    )
 
 
 def link_counts(links: Mapping[str, str], before: FlowCounts, after: FlowCounts | None) -> tuple[LinkCount, ...]:
@@ -153,7 +156,7 @@ def _port_increase(before: FlowCounts, after: FlowCounts, port: str) -> tuple[in
 def _not_read(counts: Sequence[LinkCount]) -> str | None:
     """Return the reason why uncounted links prevent a verdict; None if all were counted."""
     unread = [count.link for count in counts if count.test_packets_up is None or count.test_packets_down is None]
-    return f"{_NOT_READ} on {', '.join(unread)}" if unread else None
+    return msg(f"{arg(_NOT_READ)} on {arg(join(', ', unread))}") if unread else None
 
 
 def judge_way(
@@ -169,23 +172,26 @@ def judge_way(
     for other in counts:
         stray_packets = (other.test_packets_up or 0) + (other.test_packets_down or 0)
         if other.link != link and stray_packets:
-            return Verdict.FAIL, f"{stray_packets} test packets used {other.link}"
+            return Verdict.FAIL, msg(f"{arg(stray_packets)} test packets used {arg(other.link)}")
     if (silent := _not_read(counts)) is not None:
         return Verdict.INCONCLUSIVE, silent
     up, down = expected_link.test_packets_up, expected_link.test_packets_down
-    counts_text = f"the router counted {up} packets up and {down} down over {link}"
+    counts_text = msg(f"the router counted {arg(up)} packets up and {arg(down)} down over {arg(link)}")
     if not up and received_packets:
         return (
             Verdict.FAIL,
-            f"none of {sent_packets} packets used {link}, and {received_packets} responses arrived another way",
+            msg(
+                f"none of {arg(sent_packets)} packets used {arg(link)}, and {arg(received_packets)} responses arrived "
+                "another way"
+            ),
         )
     fits = 0 <= sent_packets - up + FEW <= lost_packets + 2 * FEW and received_packets - FEW <= down <= up + FEW
     if not sent_packets or not fits:
         return (
             Verdict.INCONCLUSIVE,
-            f"{sent_packets} packets were sent and {received_packets} received, and {counts_text}",
+            msg(f"{arg(sent_packets)} packets were sent and {arg(received_packets)} received, and {arg(counts_text)}"),
         )
-    return Verdict.PASS, f"{counts_text}, and no packets over another link"
+    return Verdict.PASS, msg(f"{arg(counts_text)}, and no packets over another link")
 
 
 def judge_tunnel(
@@ -202,15 +208,18 @@ def judge_tunnel(
     for other in counts:
         up, down = other.test_packets_up or 0, other.test_packets_down or 0
         if other.link != link and (up or (down > FEW and received_traffic.packets)):
-            return Verdict.FAIL, f"{up + down} packets of the tunnel used {other.link}"
+            return Verdict.FAIL, msg(f"{arg(up + down)} packets of the tunnel used {arg(other.link)}")
     if (silent := _not_read(counts)) is not None:
         return Verdict.INCONCLUSIVE, silent
     up, down = expected_link.test_packets_up, expected_link.test_packets_down
-    counts_text = f"the router counted {up} packets of the tunnel up and {down} down over {link}"
+    counts_text = msg(f"the router counted {arg(up)} packets of the tunnel up and {arg(down)} down over {arg(link)}")
     if not up and received_traffic.packets:
         return (
             Verdict.FAIL,
-            f"no packet of the tunnel used {link}, and {received_traffic.packets} responses arrived another way",
+            msg(
+                f"no packet of the tunnel used {arg(link)}, and {arg(received_traffic.packets)} responses arrived "
+                "another way"
+            ),
         )
     whole = sent_traffic.fits(up, expected_link.test_bytes_up) and received_traffic.fits(
         down, expected_link.test_bytes_down
@@ -218,10 +227,13 @@ def judge_tunnel(
     if not sent_traffic.packets or not whole:
         return (
             Verdict.INCONCLUSIVE,
-            f"{sent_traffic.packets} packets were sent and {received_traffic.packets} received, and {counts_text}",
+            msg(
+                f"{arg(sent_traffic.packets)} packets were sent and {arg(received_traffic.packets)} received, and "
+                f"{arg(counts_text)}"
+            ),
         )
-    ours = f"including {sent_traffic.packets} and {received_traffic.packets} of this run"
-    return Verdict.PASS, f"{counts_text}, {ours}, and no packets over another link"
+    ours = msg(f"including {arg(sent_traffic.packets)} and {arg(received_traffic.packets)} of this run")
+    return Verdict.PASS, msg(f"{arg(counts_text)}, {arg(ours)}, and no packets over another link")
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links.qualify import budget, measured_run
 from atlantis_netcfg.links.qualify.reflector.clock import ClockState, kernel_clock
 from atlantis_netcfg.links.qualify.samples import SampleWriter
@@ -52,13 +53,13 @@ NOT_OURS: Final = "the far end is not ours: it has no key and confirms no messag
 def links_of_site(inventory: Inventory, site: str, name: str | None) -> tuple[Link, ...]:
     """Return the requested links: one, `all`, or the only one; raise NothingToQualify."""
     if site not in inventory.sites:
-        raise far_end.NothingToQualify("measure one site at a time", hint=f"sites: {', '.join(inventory.sites)}")
+        raise far_end.NothingToQualify("measure one site at a time", hint=f"sites: {arg(join(', ', inventory.sites))}")
     links = inventory.sites[site].bearers
     result = tuple(link for link in links if name in {link.name, "all"}) if name is not None else links
     if not result or (name is None and len(result) > 1):
-        why = f"`{site}` has several links" if name is None else f"`{site}` has no link `{name}`"
+        why = msg(f"`{arg(site)}` has several links" if name is None else f"`{arg(site)}` has no link `{arg(name)}`")
         raise far_end.NothingToQualify(
-            why, hint=f"type one of: {', '.join(f'link={each.name}' for each in links)}, link=all"
+            why, hint=f"type one of: {arg(join(', ', (f'link={each.name}' for each in links)))}, link=all"
         )
     return result
 
@@ -67,7 +68,7 @@ def router_of(inventory: Inventory, site: str) -> Host:
     """Return the router that routes the packets; raise NothingToQualify."""
     result = inventory.router_of(site)
     if result is None:
-        raise far_end.NothingToQualify(f"`{site}` has no router that can route test packets over one link")
+        raise far_end.NothingToQualify(f"`{arg(site)}` has no router that can route test packets over one link")
     return result
 
 
@@ -280,7 +281,9 @@ class LinkRun:
 
     def _notes(self) -> Iterator[str]:
         if number := self.plan.left_out:
-            yield f"{number} sizes and rates were skipped: the link's rate in the inventory does not support them"
+            yield msg(
+                f"{arg(number)} sizes and rates were skipped: the link's rate in the inventory does not support them"
+            )
         if self.over_vpn:
             yield TUNNEL_MTU
         if not self.far.is_ours:

@@ -11,6 +11,7 @@ from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.cost import bill
 from atlantis_netcfg.links.qualify.budget import BudgetLimit
 from atlantis_netcfg.links.qualify.measured_run import BudgetLimits
@@ -32,7 +33,7 @@ class SkippedLink:
 
     def line(self) -> str:
         """Return the report's line."""
-        return f"{self.link}: not measured: {self.why}"
+        return msg(f"{arg(self.link)}: not measured: {arg(self.why)}")
 
     def as_json(self) -> dict[str, Any]:
         """Return JSON-able data."""
@@ -77,7 +78,7 @@ def _ends_all(result: QualifyResult, limits: BudgetLimits) -> str:
     """Return why no further link is measured; empty if more are."""
     run = result.run
     if result.failure is not None and not isinstance(result.failure, errors.DeviceError):
-        return f"{run.link} was left in an unknown state"
+        return msg(f"{arg(run.link)} was left in an unknown state")
     if run.reason == EndReason.STOPPED:
         return "the measurement was interrupted"
     # A link may have a cap of its own, which is no limit of the next one.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import InventoryInvalid, model
 from atlantis_netcfg.inventory.loader import shown_path
@@ -53,8 +54,8 @@ def seconds_of(text: str) -> int:
     match = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
     seconds = int(match[1]) * (60 if match[2] == "m" else 1) if match else 0
     if not SHORTEST_S <= seconds <= LONGEST_S:
-        hint = f"type seconds or minutes, from {SHORTEST_S} s to 1 hour: `30s`, `5m`"
-        raise errors.UsageError(f"`{text}` is not a valid duration", hint=hint)
+        hint = msg(f"type seconds or minutes, from {arg(SHORTEST_S)} s to 1 hour: `30s`, `5m`")
+        raise errors.UsageError(f"`{arg(text)}` is not a valid duration", hint=hint)
     return seconds
 
 
@@ -70,9 +71,9 @@ def robots_of(inventory: Inventory) -> tuple[list[reading.RobotSource], KeyNames
 
 def without_file(vehicle: str) -> errors.NoMatchError:
     """Return the error for a vehicle without a robot file, whose topics are unknown."""
-    hint = f"see docs/robots.md; `provision robot validate vehicle={vehicle}` checks it"
+    hint = msg(f"see docs/robots.md; `provision robot validate vehicle={arg(vehicle)}` checks it")
     return errors.NoMatchError(
-        f"robots/{vehicle}.yml, which lists what `{vehicle}` publishes, does not exist", hint=hint
+        f"robots/{arg(vehicle)}.yml, which lists what `{arg(vehicle)}` publishes, does not exist", hint=hint
     )
 
 
@@ -92,12 +93,12 @@ def own_address(inventory: Inventory, site: str) -> str:
         try:
             probe.connect((str(network.gateway), 9))
         except OSError as error:
-            hint = (
-                f"connect it to the LAN of {site}, or join the VPN; or give another address of this computer with "
+            hint = msg(
+                f"connect it to the LAN of {arg(site)}, or join the VPN; or give another address of this computer with "
                 "`address=`"
             )
             raise errors.UsageError(
-                f"this computer has no route to {network.network}: {error.strerror}", hint=hint
+                f"this computer has no route to {arg(network.network)}: {arg(error.strerror)}", hint=hint
             ) from error
         return str(probe.getsockname()[0])
 
@@ -106,7 +107,7 @@ def _ip_address(address: str) -> IPv4Address:
     try:
         return IPv4Address(address)
     except ValueError:
-        message = f"`address={address}` is not an IPv4 address"
+        message = msg(f"`address={arg(address)}` is not an IPv4 address")
         raise errors.UsageError(message, hint="`ip address` shows the addresses of this computer") from None
 
 
@@ -203,23 +204,25 @@ def save(inventory: Inventory, namespace: str, observation: RobotObservation, en
     }
     robots = [robot for robot in copies.values() if robot is not None and robot.name == namespace]
     if len(robots) != 1:
-        message = f"{len(robots)} robots use the namespace `{namespace}`, so no file was written"
-        others = ", ".join(sorted({robot.name for robot in copies.values() if robot is not None})) or "none"
-        raise errors.NoMatchError(message, hint=f"readable configurations were received from: {others}")
+        message = msg(f"{arg(len(robots))} robots use the namespace `{arg(namespace)}`, so no file was written")
+        others = join(", ", sorted({robot.name for robot in copies.values() if robot is not None})) or "none"
+        raise errors.NoMatchError(message, hint=f"readable configurations were received from: {arg(others)}")
     vehicle = vehicle_key(namespace)
     path = inventory.root / reading.FOLDER / f"{vehicle}.yml"
     if vehicle not in inventory.vehicles:
         hint = "add it to the inventory first: the finding `robot-unknown` shows the command"
-        raise errors.NoMatchError(f"no such vehicle: `{vehicle}`; no file was written", hint=hint)
+        raise errors.NoMatchError(f"no such vehicle: `{arg(vehicle)}`; no file was written", hint=hint)
     if path.exists():
         raise errors.UsageError(
-            f"{shown_path(path)} already exists",
+            f"{arg(shown_path(path))} already exists",
             hint="remove `save=`: then what is received is compared with that file",
         )
     token = robots[0].token
     assert isinstance(token, Secret)  # noqa: S101 - what is published is in clear
     tree = robots[0].model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude={"token"})
-    text = document({**tree, "token": VaultSecret(encrypt(token.reveal()))}, (_HEAD.format(namespace=namespace),))
+    text = document(
+        {**tree, "token": VaultSecret(encrypt(token.reveal()))}, (msg(_HEAD.format(namespace=arg(namespace))),)
+    )
     with os_errors_as("the robot's file", path):
         write_atomically(path, text.encode(), mode=_READABLE)
     try:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.computers.services import ENVIRONMENT
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.processes.remote_process import Carrier
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.robots.reading import FOLDER, key_names
@@ -49,11 +50,11 @@ class ListenError(errors.NetcfgError):
 def listening_computer(inventory: Inventory, host: Host) -> model.ServerComputer:
     """Return the computer of a host that can listen; raise UsageError for one without DDS."""
     if not isinstance(host.device, model.ServerComputer):
-        there = ", ".join(
-            each.name for each in inventory.hosts.values() if isinstance(each.device, model.ServerComputer)
+        there = join(
+            ", ", (each.name for each in inventory.hosts.values() if isinstance(each.device, model.ServerComputer))
         )
         raise errors.UsageError(
-            f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}"
+            f"`{arg(host.name)}` is a {arg(host.device.kind)}: it does not use DDS", hint=f"hosts that do: {arg(there)}"
         )
     return host.device
 
@@ -90,7 +91,9 @@ def listen_there(
     try:
         result = carrier.run(command)
     except OSError as error:
-        raise ListenError(f"{host.name} was not contacted: {error}", hint="install the OpenSSH client") from None
+        raise ListenError(
+            f"{arg(host.name)} was not contacted: {arg(error)}", hint="install the OpenSSH client"
+        ) from None
     return _observation(host, access, result)
 
 
@@ -124,28 +127,32 @@ def _observation(host: Host, access: Mapping[str, Any], result: ProcessResult) -
         except (ValueError, LookupError, TypeError, RecursionError, zlib.error):
             continue
     text = result.err.decode(errors="replace").strip()
-    last = text.rpartition("\n")[2] or f"exit code {result.rc}"
+    last = text.rpartition("\n")[2] or msg(f"exit code {arg(result.rc)}")
     if (trouble := key_trouble(host.name, text)) is not None:
-        raise ListenError(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
+        raise ListenError(f"{arg(host.name)} at {arg(access['host'])}: {arg(trouble[0])}", hint=trouble[1])
     if "Permission denied" in text:
-        hint = f"copy your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`"
-        raise ListenError(f"{host.name} refused the login as {access['user']}: {last}", hint=hint)
+        hint = msg(
+            f"copy your key there: `ssh-copy-id -p {arg(access['port'])} {arg(access['user'])}@{arg(access['host'])}`"
+        )
+        raise ListenError(f"{arg(host.name)} refused the login as {arg(access['user'])}: {arg(last)}", hint=hint)
     if result.rc == _NOT_FOUND:
-        raise ListenError(f"{host.name} has no python3: {last}", hint=f"on {host.name}: `apt-get install python3`")
+        raise ListenError(
+            f"{arg(host.name)} has no python3: {arg(last)}", hint=f"on {arg(host.name)}: `apt-get install python3`"
+        )
     if b"alive" in result.out:
-        message = f"the connection to {host.name} was lost before the listening time ended: {last}"
+        message = msg(f"the connection to {arg(host.name)} was lost before the listening time ended: {arg(last)}")
         raise ListenError(message, hint="no results for any robot: run the same command again")
     words = "no response in time" if result.overdue else last
     hint = "check its power and your connection to it, then run the same command again"
-    raise ListenError(f"{host.name} was not reached: {words}", hint=hint)
+    raise ListenError(f"{arg(host.name)} was not reached: {arg(words)}", hint=hint)
 
 
 def _trouble(host: Host, trouble: str, words: str) -> ListenError:
     if trouble == "missing":
-        hint = (
+        hint = msg(
             "a run of its site installs ROS 2 if the inventory has it (docs/gateways.md); otherwise on x86_64, "
-            f"on that computer: `python3 -m venv {VENV} && {VENV}/bin/pip install cyclonedds`"
+            f"on that computer: `python3 -m venv {arg(VENV)} && {arg(VENV)}/bin/pip install cyclonedds`"
         )
-        return ListenError(f"{host.name} cannot listen for robots: it has neither cyclonedds nor ROS 2", hint=hint)
-    hint = f"does {host.name} have its `dds` address? Check there: `ip address`"
-    return ListenError(f"{host.name} could not listen: {words[:300]}", hint=hint)
+        return ListenError(f"{arg(host.name)} cannot listen for robots: it has neither cyclonedds nor ROS 2", hint=hint)
+    hint = msg(f"does {arg(host.name)} have its `dds` address? Check there: `ip address`")
+    return ListenError(f"{arg(host.name)} could not listen: {arg(words[:300])}", hint=hint)

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.operations.computers.remote_session import ServerLink, ServerRefusal, StaleRecord
 from atlantis_netcfg.operations.vpn.server_state import (
     PLACE,
@@ -147,7 +148,7 @@ def push(inventory: Inventory, authority: Authority, link: ServerLink) -> PushRe
                 return PushResult(tuple(map(str, values["changes"])), ended_sessions, tuple(map(str, values["told"])))
         lacks = [*lacks, *missing]
     raise ServerRefusal(
-        f"files of the server changed during this run: {', '.join(missing)}",
+        f"files of the server changed during this run: {arg(join(', ', missing))}",
         hint="somebody else is working there; run the same command again",
     )
 

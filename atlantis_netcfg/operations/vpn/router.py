@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Subscriber, ignore
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.common.costs import require_consent
 from atlantis_netcfg.operations.common.jobs import device_job
@@ -76,15 +77,15 @@ def identity_for(inventory: Inventory, host: Host, request: Request) -> Identity
     path = request.identity_of(host.name)
     if path is None:
         raise errors.UsageError(
-            f"there is no identity of {host.name} on this computer",
+            f"there is no identity of {arg(host.name)} on this computer",
             hint=(
-                f"run `provision vpn onboard device={host.name}` on the computer of the authority; elsewhere "
+                f"run `provision vpn onboard device={arg(host.name)}` on the computer of the authority; elsewhere "
                 "`provision vpn accept file=FILE` with the enrolment package"
             ),
         )
     identity = read_identity(path.read_text(encoding="ascii"))
     if identity.member.name != host.name:
-        raise errors.UsageError(f"{path} is the identity of {identity.member.name}, not of {host.name}")
+        raise errors.UsageError(f"{arg(path)} is the identity of {arg(identity.member.name)}, not of {arg(host.name)}")
     return identity
 
 
@@ -112,7 +113,7 @@ def install(  # noqa: PLR0913 - all that a command line says
             host.name, apply.Status.UNCHANGED, errors.ExitCode.DONE, "unchanged", notes=observation.notes
         )
     if plan:
-        message = f"{len(observation.changes)} changes to make"
+        message = msg(f"{arg(len(observation.changes))} changes to make")
         return InstalledIdentity(
             host.name,
             apply.Status.PLANNED,
@@ -143,8 +144,8 @@ def _require_router(host: Host) -> None:
     if not isinstance(host.device, Router):
         kind = host.device.kind.replace("_", " ")
         raise errors.NoMatchError(
-            f"{host.name} is a {kind}: identities are installed only on routers",
-            hint=f"gateways get theirs from `provision site={host.site}`",
+            f"{arg(host.name)} is a {arg(kind)}: identities are installed only on routers",
+            hint=f"gateways get theirs from `provision site={arg(host.site)}`",
         )
 
 
@@ -155,15 +156,15 @@ def _prepare(
     tunnel = routeros.find_tunnel(inventory, host)
     if tunnel is None:
         raise errors.UsageError(
-            f"{host.name} is not the VPN endpoint of its site",
-            hint=f"set `vpn_client:` in host_vars/{host.name}.yml",
+            f"{arg(host.name)} is not the VPN endpoint of its site",
+            hint=f"set `vpn_client:` in host_vars/{arg(host.name)}.yml",
         )
     if identity.certificate.not_after <= datetime.now(UTC):
         raise errors.UsageError(
-            f"the identity of {host.name} expired on {identity.certificate.not_after:%Y-%m-%d}",
+            f"the identity of {arg(host.name)} expired on {arg(identity.certificate.not_after):%Y-%m-%d}",
             hint=(
-                f"run `provision vpn renew name={host.name}` on the computer of the authority, then install the new "
-                "enrolment package here"
+                f"run `provision vpn renew name={arg(host.name)}` on the computer of the authority, then install the "
+                "new enrolment package here"
             ),
         )
     refuse_examples(inventory, is_rehearsal=request.rehearsed)
@@ -187,7 +188,9 @@ def _run_with_journal(importing: RouterImport, job: apply.DeviceJob, journal: ru
         changes, notes = asyncio.run(_run(importing, job))
     except errors.NetcfgError as failure:
         return replace(_failure_result(importing, failure), run=journal.run)
-    message = f"{importing.tunnel.name} is imported with certificate {importing.tunnel.certificate} (read back)"
+    message = msg(
+        f"{arg(importing.tunnel.name)} is imported with certificate {arg(importing.tunnel.certificate)} (read back)"
+    )
     notes = (*notes, *_key_notes(importing.identity))
     return InstalledIdentity(
         importing.name,
@@ -204,7 +207,7 @@ async def _run(importing: RouterImport, job: apply.DeviceJob) -> tuple[tuple[str
     backup = await apply.converge(job, mode=apply.JobMode.BACKUP)
     if backup.exit is not errors.ExitCode.DONE:
         raise errors.DeviceError(
-            f"its state could not be saved, so nothing was sent: {backup.message}", hint=backup.hint
+            f"its state could not be saved, so nothing was sent: {arg(backup.message)}", hint=backup.hint
         )
     observation = await importing.carry_out()
     return observation.changes, observation.notes
@@ -214,7 +217,7 @@ def _key_notes(identity: Identity) -> tuple[str, ...]:
     if identity.certificate.key is KeyType.RSA:
         return ()
     name = identity.member.name
-    return (f"its elliptic-curve key is untested with RouterOS: `provision vpn renew name={name} key=rsa`",)
+    return (msg(f"its elliptic-curve key is untested with RouterOS: `provision vpn renew name={arg(name)} key=rsa`"),)
 
 
 def _failure_result(importing: RouterImport, failure: errors.NetcfgError) -> InstalledIdentity:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError, fill_hint
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.operations.computers import remote_session
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.vpn import live, server_state
@@ -82,9 +83,9 @@ class NoPush:
     def disconnect(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as above
         """Return the error that connected members stay connected, so that nobody considers this done."""
         waits = OutcomeUnknown(
-            f"{', '.join(revocation.members)}: on the revocation list, but the server does not have it yet "
+            f"{arg(join(', ', revocation.members))}: on the revocation list, but the server does not have it yet "
             "(`--no-push`): open sessions continue",
-            hint=f"`provision vpn sync` ends their sessions: {', '.join(authority.membership().queued_names)}",
+            hint=f"`provision vpn sync` ends their sessions: {arg(join(', ', authority.membership().queued_names))}",
         )
         return DeployResult(errors=(waits,), is_deployed=False)
 
@@ -101,7 +102,7 @@ def over_ssh(inventory: Inventory, request: Request, otherwise: str = "") -> Ope
     if inventory.pilot.example_values and not request.rehearsed:
         raise UsageError(
             "the inventory still contains example values, so it names no real server",
-            hint=f"replace them and set `example_values: false` in group_vars/all/pilot.yml{otherwise}",
+            hint=f"replace them and set `example_values: false` in group_vars/all/pilot.yml{arg(otherwise)}",
         )
     host = inventory.hosts[inventory.pilot.vpn.server]
     return lambda: remote_session.SshLink(host.name, computer_access(inventory, host, request))
@@ -160,7 +161,9 @@ class RemoteServer:
             return self._outstanding(error)
         changes = [*push_result.changes, *more]
         values: dict[str, Any] = {"changes": changes, "queue": queue.as_json() if queue is not None else None}
-        lines = [f"  on the server: {change}" for change in changes] or ["  the server was already up to date"]
+        lines = [msg(f"  on the server: {arg(change)}") for change in changes] or [
+            "  the server was already up to date"
+        ]
         return DeployResult(
             tuple(self._evidence_lines(queue) + lines + [f"  {item}" for item in push_result.notes]),
             self._remaining_errors(queue),
@@ -176,7 +179,9 @@ class RemoteServer:
             return self._outstanding(self._away[0], cut=revocation.members)
         try:
             with self.link(notify) as link:
-                self._say(notify, f"ending sessions of {', '.join(revocation.members)}", events.Stage.APPLYING)
+                self._say(
+                    notify, msg(f"ending sessions of {arg(join(', ', revocation.members))}"), events.Stage.APPLYING
+                )
                 evidence = live.revoke_live(self.inventory, authority, link, names)
                 cut = time.monotonic()
                 push_result = live.push(self.inventory, authority, link)
@@ -219,23 +224,26 @@ class RemoteServer:
         """Return the evidence as text: steps with their times in milliseconds, and the server's report."""
         if evidence is None:
             return []
-        lines = [f"  {at:8.1f} ms  {step}" for step, at in evidence.steps]
+        lines = [msg(f"  {arg(at):8.1f} ms  {arg(step)}") for step, at in evidence.steps]
         lines += [
-            f"  ended      {session.common_name}, {session.address or 'handshake not complete'}, from {session.real}"
+            msg(
+                f"  ended      {arg(session.common_name)}, {arg(session.address or 'handshake not complete')}, from "
+                f"{arg(session.real)}"
+            )
             for session in evidence.ended
         ]
-        whole = f"{1000 * evidence.seconds:.0f} ms including the round trip"
+        whole = msg(f"{arg(1000 * evidence.seconds):.0f} ms including the round trip")
         words = "verified: no session, and none of their traffic passes" if evidence.is_confirmed else "NOT verified"
-        return [*lines, f"  {words} ({whole})", *(f"  {item}" for item in evidence.notes)]
+        return [*lines, msg(f"  {arg(words)} ({arg(whole)})"), *(f"  {item}" for item in evidence.notes)]
 
     @staticmethod
     def _remaining_errors(evidence: RevocationEvidence | None) -> tuple[NetcfgError, ...]:
         if evidence is None or evidence.is_confirmed:
             return ()
-        names = ", ".join(evidence.common_names)
+        names = join(", ", evidence.common_names)
         return (
             OutcomeUnknown(
-                f"the server has not confirmed that these are cut off: {names}: {'; '.join(evidence.left)}",
+                f"the server has not confirmed that these are cut off: {arg(names)}: {arg(join('; ', evidence.left))}",
                 hint="`provision vpn sync` tries again and checks",
             ),
         )
@@ -247,8 +255,10 @@ class RemoteServer:
 
     def _outstanding(self, error: NetcfgError, cut: Sequence[str] = ()) -> DeployResult:
         """Return the result for a server that still has to be updated; record and files are kept."""
-        who = f"{', '.join(cut)}: recorded and on the revocation list; open sessions may continue. " if cut else ""
-        hint = f"{fill_hint(error.hint, site=self.site)}\n{_SYNC_HINT}" if error.hint else _SYNC_HINT
+        who = msg(
+            f"{arg(join(', ', cut))}: recorded and on the revocation list; open sessions may continue. " if cut else ""
+        )
+        hint = msg(f"{arg(fill_hint(error.hint, site=self.site))}\n{arg(_SYNC_HINT)}") if error.hint else _SYNC_HINT
         return DeployResult(errors=(Outstanding(error, f"{who}{error}", hint),), is_deployed=False)
 
 
@@ -326,7 +336,9 @@ def vpn_status(
         except NetcfgError as error:
             verdict = events.Verdict.INCONCLUSIVE if error.exit is ExitCode.UNKNOWN else events.Verdict.FAIL
             result.append(
-                StatusItem(verdict, f"the server: {error}", error.hint and fill_hint(error.hint, site=server.site))
+                StatusItem(
+                    verdict, msg(f"the server: {arg(error)}"), error.hint and fill_hint(error.hint, site=server.site)
+                )
             )
     return VpnStatus((*result, *_queue_items(authority)), state)
 
@@ -342,9 +354,11 @@ def _record(inventory: Inventory, authority: Authority) -> Iterator[StatusItem]:
         good = sum(1 for member in membership.members.values() if member.good)
         yield StatusItem(
             events.Verdict.PASS,
-            f"the record matches its signature, certificates and revocation list: {good} of "
-            f"{len(membership.members)} members are admitted, list {membership.crl_number} is valid until "
-            f"{membership.crl_next_update:%Y-%m-%d}",
+            msg(
+                f"the record matches its signature, certificates and revocation list: {arg(good)} of "
+                f"{arg(len(membership.members))} members are admitted, list {arg(membership.crl_number)} is valid "
+                f"until {arg(membership.crl_next_update):%Y-%m-%d}"
+            ),
         )
 
 
@@ -355,9 +369,14 @@ def unsuitable_keys(inventory: Inventory, membership: MembershipList) -> Iterato
     if vpn.shared_key_until is not None and shared_key_members:
         yield StatusItem(
             events.Verdict.WARN,
-            f"{', '.join(shared_key_members)}: no new session after {vpn.shared_key_until}, "
-            "the last day of the shared key",
-            f"if they have OpenVPN 2.5 or later: `provision vpn renew name={shared_key_members[0]} wrap=tls-crypt-v2`",
+            msg(
+                f"{arg(join(', ', shared_key_members))}: no new session after {arg(vpn.shared_key_until)}, "
+                "the last day of the shared key"
+            ),
+            msg(
+                f"if they have OpenVPN 2.5 or later: `provision vpn renew name={arg(shared_key_members[0])} "
+                "wrap=tls-crypt-v2`"
+            ),
         )
     silent = [
         member.name
@@ -367,9 +386,11 @@ def unsuitable_keys(inventory: Inventory, membership: MembershipList) -> Iterato
     if vpn.force_cookie and silent:
         yield StatusItem(
             events.Verdict.WARN,
-            f"{', '.join(silent)}: the server responds to their key only if their OpenVPN is 2.6 or later "
-            "(`force_cookie`)",
-            f"`provision vpn renew name={silent[0]}` creates a key that works with any OpenVPN",
+            msg(
+                f"{arg(join(', ', silent))}: the server responds to their key only if their OpenVPN is 2.6 or later "
+                "(`force_cookie`)"
+            ),
+            msg(f"`provision vpn renew name={arg(silent[0])}` creates a key that works with any OpenVPN"),
         )
 
 
@@ -388,7 +409,8 @@ def _server(
     if not differs:
         up = sum(session.is_up for session in state.sessions)
         yield StatusItem(
-            events.Verdict.PASS, f"the server matches the record; {up} sessions, OpenVPN {state.version or 'unknown'}"
+            events.Verdict.PASS,
+            msg(f"the server matches the record; {arg(up)} sessions, OpenVPN {arg(state.version or 'unknown')}"),
         )
     if not state.ready:
         return
@@ -396,7 +418,7 @@ def _server(
     for name in sighting.strangers:
         yield StatusItem(
             events.Verdict.FAIL,
-            f"{name} has a session but is not in the record",
+            msg(f"{arg(name)} has a session but is not in the record"),
             "is this the newest copy of the record?",
         )
     up_now = {session.common_name for session in state.sessions if session.is_up}
@@ -404,19 +426,19 @@ def _server(
         if name in up_now:
             yield StatusItem(
                 events.Verdict.FAIL,
-                f"{name} is connected although its access was withdrawn",
+                msg(f"{arg(name)} is connected although its access was withdrawn"),
                 "`provision vpn sync` ends its session",
             )
         else:
             yield StatusItem(
-                events.Verdict.WARN, f"{name} was seen after its access was withdrawn; it has no session now"
+                events.Verdict.WARN, msg(f"{arg(name)} was seen after its access was withdrawn; it has no session now")
             )
     for name in sighting.superseded_names:
-        yield StatusItem(events.Verdict.PASS, f"{name} is retired: its successor was seen")
+        yield StatusItem(events.Verdict.PASS, msg(f"{arg(name)} is retired: its successor was seen"))
     evidence = live.finish_revocations(server.inventory, authority, link, server.who)
     if evidence is not None and evidence.is_confirmed:
         yield StatusItem(
-            events.Verdict.PASS, f"cut off, as confirmed by the server: {', '.join(evidence.common_names)}"
+            events.Verdict.PASS, msg(f"cut off, as confirmed by the server: {arg(join(', ', evidence.common_names))}")
         )
 
 
@@ -425,6 +447,6 @@ def _queue_items(authority: Authority) -> Iterator[StatusItem]:
     if queue:
         yield StatusItem(
             events.Verdict.FAIL,
-            f"revoked, but the server has not confirmed that they are cut off: {', '.join(queue)}",
+            msg(f"revoked, but the server has not confirmed that they are cut off: {arg(join(', ', queue))}"),
             "run `provision vpn sync` when the server is reachable",
         )

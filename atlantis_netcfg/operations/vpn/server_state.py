@@ -10,6 +10,7 @@ from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.operations.computers.remote_session import AnswerLost, ServerLink
 from atlantis_netcfg.vpn import server
 from atlantis_netcfg.vpn.policy import MEMBERS_SET, TABLE
@@ -130,7 +131,7 @@ def read_answer(do: str) -> Iterator[None]:
         yield
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError, OSError) as error:
         raise AnswerLost(
-            f"the server sent an invalid response to `{do}` ({type(error).__name__}: {error})",
+            f"the server sent an invalid response to `{arg(do)}` ({arg(type(error).__name__)}: {arg(error)})",
             hint="check that computer and who else has worked on it, then run the same command again",
         ) from error
 
@@ -234,12 +235,15 @@ def _admissions(state: ServerState, desired_files: Sequence[File]) -> Iterator[s
     for path, file in files.items():
         name, digest = path.rpartition("/")[2], state.files.get(path)
         if digest is None:
-            yield f"{name} is in the record, but the server does not admit it"
+            yield msg(f"{arg(name)} is in the record, but the server does not admit it")
         elif digest != _sha256(file):
-            yield f"{name}: its file on the server differs from the record ({path})"
+            yield msg(f"{arg(name)}: its file on the server differs from the record ({arg(path)})")
     for path in state.files:
         if path.startswith(f"{server.CCD}/") and path not in files:
-            yield f"{path.rpartition('/')[2]} must not be admitted, but the server has a file that admits it ({path})"
+            yield msg(
+                f"{arg(path.rpartition('/')[2])} must not be admitted, but the server has a file that admits it "
+                f"({arg(path)})"
+            )
 
 
 def _crl_drift(state: ServerState, files: Sequence[File], membership: MembershipList) -> Iterator[str]:
@@ -250,57 +254,61 @@ def _crl_drift(state: ServerState, files: Sequence[File], membership: Membership
     if not crl.is_signed:
         yield "the server's revocation list is from another authority: revoked members can connect"
     elif crl.number < membership.crl_number:
-        yield (f"the server has revocation list {crl.number}, the record has {membership.crl_number}")
+        yield msg(f"the server has revocation list {arg(crl.number)}, the record has {arg(membership.crl_number)}")
     elif crl.number > membership.crl_number:
-        yield (
-            f"the server has revocation list {crl.number}, newer than the record's ({membership.crl_number}): "
-            "somebody works with another copy of the authority"
+        yield msg(
+            f"the server has revocation list {arg(crl.number)}, newer than the record's "
+            f"({arg(membership.crl_number)}): somebody works with another copy of the authority"
         )
     elif any(file.path == _CRL and state.files.get(_CRL) != _sha256(file) for file in files):
-        yield f"the server's revocation list has the record's number {crl.number}, but a different content"
+        yield msg(f"the server's revocation list has the record's number {arg(crl.number)}, but a different content")
     yield from _crl_validity(crl, state)
 
 
 def _crl_validity(crl: Crl, state: ServerState) -> Iterator[str]:
     if crl.begins > state.clock:
-        yield f"by the server's clock, its revocation list is not valid before {crl.begins:%Y-%m-%d %H:%M} UTC"
+        yield msg(
+            f"by the server's clock, its revocation list is not valid before {arg(crl.begins):%Y-%m-%d %H:%M} UTC"
+        )
     elif crl.ends <= state.clock:
-        yield f"the server's revocation list expired on {crl.ends:%Y-%m-%d}: nobody can connect"
+        yield msg(f"the server's revocation list expired on {arg(crl.ends):%Y-%m-%d}: nobody can connect")
     elif crl.ends - state.clock < ALARM:
         days = (crl.ends - state.clock).days
-        yield (
-            f"the server's revocation list expires in {days} days, on {crl.ends:%Y-%m-%d}: after that nobody can "
-            "connect"
+        yield msg(
+            f"the server's revocation list expires in {arg(days)} days, on {arg(crl.ends):%Y-%m-%d}: after that nobody "
+            "can connect"
         )
 
 
 def _firewall(state: ServerState, files: Sequence[File]) -> Iterator[str]:
     if any(file.path == server.FIREWALL and state.files.get(server.FIREWALL) != _sha256(file) for file in files):
-        yield f"the firewall file differs from the record ({server.FIREWALL})"
+        yield msg(f"the firewall file differs from the record ({arg(server.FIREWALL)})")
     if state.firewall_why:
-        yield f"the firewall cannot be read: {state.firewall_why}"
+        yield msg(f"the firewall cannot be read: {arg(state.firewall_why)}")
     elif state.members is None:
         yield "the firewall of the VPN is not loaded"
     elif state.firewall_as_file is False:
         yield "the loaded firewall differs from its file, for example after a change with nft"
     if state.redirects:
-        yield (
-            f"the server's kernel may send ICMP redirects, by {', '.join(state.redirects)}: members could bypass "
+        yield msg(
+            f"the server's kernel may send ICMP redirects, by {arg(join(', ', state.redirects))}: members could bypass "
             "the server"
         )
 
 
 def _service_drift(state: ServerState) -> Iterator[str]:
     if state.active is False:
-        yield (
-            f"the server is not running: {server.SERVICE} is {state.unit['ActiveState']} "
-            f"({state.unit.get('SubState', '')})"
+        yield msg(
+            f"the server is not running: {arg(server.SERVICE)} is {arg(state.unit['ActiveState'])} "
+            f"({arg(state.unit.get('SubState', ''))})"
         )
     elif not state.is_live:
-        yield f"the server cannot report who is connected: {state.why}"
+        yield msg(f"the server cannot report who is connected: {arg(state.why)}")
     if abs(state.clock_ahead_s) > _CLOCK_S:
         ahead_s = state.clock_ahead_s
-        yield f"the server's clock is {abs(ahead_s):.0f} s {'ahead of' if ahead_s > 0 else 'behind'} this computer's"
+        yield msg(
+            f"the server's clock is {arg(abs(ahead_s)):.0f} s {'ahead of' if ahead_s > 0 else 'behind'} this computer's"
+        )
 
 
 def _sha256(file: File) -> str:

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def latest(folder: Path) -> AsBuiltRecord | None:
         return parse_record(path.read_bytes())
     except (OSError, ValueError) as error:
         raise runs.DamagedStateError(
-            f"the last record cannot be read: {path}",
+            f"the last record cannot be read: {arg(path)}",
             hint="move its folder away: the next record is then the first one, without differences",
         ) from error
 
@@ -68,7 +69,7 @@ def new_folder(folder: Path, now: datetime) -> Path:
 def keep(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write the files of a record, `as-built.json` last; raise JournalError."""
     if FILE not in files:
-        raise NetcfgError(f"internal error: a record without {FILE} was about to be saved")
+        raise NetcfgError(f"internal error: a record without {arg(FILE)} was about to be saved")
     with runs.os_errors_as("the record", folder):
         for name in sorted(files, key=lambda name: name == FILE):
             runs.write_atomically(folder / name, files[name])

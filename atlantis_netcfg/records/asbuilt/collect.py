@@ -16,6 +16,7 @@ from atlantis_netcfg.checklist.history import VehicleState, books
 from atlantis_netcfg.checklist.runner._real import ask_gateway
 from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import NetcfgError, fill_hint
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import (
     Cpe,
     LteDriver,
@@ -89,7 +90,7 @@ class SiteLook:
         document = signed_books[-1].document if signed_books else None
         if document is None or document.signed is None:
             return Fact(value=None, origin=Origin.NOT_READ, note="there is no signed checklist on this computer")
-        note = f"signed by {document.signed.by}, digest {document.signed.digest[:16]}"
+        note = msg(f"signed by {arg(document.signed.by)}, digest {arg(document.signed.digest[:16])}")
         return Fact(value=document.run, origin=Origin.STORED, at=document.signed.at, note=note)
 
     @property
@@ -149,10 +150,10 @@ class SiteLook:
         if isinstance(device, LteRouter) and device.driver not in {LteDriver.ROUTEROS, LteDriver.RUTOS}:
             return (
                 ReadState.BY_HAND,
-                f"its driver `{device.driver}` reads the link, but nothing that identifies the unit",
+                msg(f"its driver `{arg(device.driver)}` reads the link, but nothing that identifies the unit"),
             )
         if not is_supported(host) and not is_computer(host) and not isinstance(device, LteRouter):
-            return ReadState.BY_HAND, f"reading a {device.kind.replace('_', ' ')} is not supported yet"
+            return ReadState.BY_HAND, msg(f"reading a {arg(device.kind.replace('_', ' '))} is not supported yet")
         if self.request.rehearsed and host.name not in self.request.targets:
             return ReadState.NOT_REHEARSED, self.not_emulated.get(host.name, "it is not emulated in this rehearsal")
         return None, ""
@@ -226,7 +227,7 @@ def _fill_record(
     return device.model_copy(
         update={
             "state": ReadState.IN_PART if missing else ReadState.READ,
-            "why": "; ".join(missing),
+            "why": join("; ", missing),
             "read_at": datetime.now(UTC),
             "facts": {**device.facts, **facts},
             "ports": (*present_ports, *absent),
@@ -244,7 +245,7 @@ def _model_differences(device: DeviceRecord, facts: Mapping[str, Fact]) -> Itera
         or read.value in {None, declared_model.value}
     ):
         return
-    yield f"the inventory has model {declared_model.value}, the device reports {read.value}"
+    yield msg(f"the inventory has model {arg(declared_model.value)}, the device reports {arg(read.value)}")
 
 
 def _fact(value: str | None, why_not: str) -> Fact:
@@ -260,7 +261,7 @@ def _declared_facts(host: Host) -> dict[str, Fact]:
     evidence = device.evidence
     version = Fact(value=None, origin=Origin.NOT_READ, note="its web pages were not inspected yet")
     if evidence is not None:
-        note = f"inventory: {evidence.by} saw it on its web pages on {evidence.seen_on}"
+        note = msg(f"inventory: {arg(evidence.by)} saw it on its web pages on {arg(evidence.seen_on)}")
         version = Fact(value=evidence.firmware, origin=Origin.DECLARED, note=note)
     return {**model, "serial": Fact(value=None, origin=Origin.NOT_READ, note=_NO_INTERFACE), "version": version}
 
@@ -293,8 +294,8 @@ def places(inventory: Inventory, host: Host) -> dict[str, str]:
     result = {}
     for port in device.ports:
         link = port.link if isinstance(port, Port) else None
-        what = _USES.get(port.use) or f"link {link}: {boxes.get(link or '') or 'a cable'}"
-        power = f", power for {fed[port.name]}" if port.name in fed and fed[port.name] not in what else ""
+        what = _USES.get(port.use) or msg(f"link {arg(link)}: {arg(boxes.get(link or '') or 'a cable')}")
+        power = msg(f", power for {arg(fed[port.name])}" if port.name in fed and fed[port.name] not in what else "")
         result[port.name] = f"{what}{power}"
     return result
 
@@ -303,8 +304,8 @@ def addresses(inventory: Inventory, site: str) -> dict[str, str]:
     """Return the host or link of the site for each MAC or IP address of the inventory."""
     result: dict[str, str] = {}
     for link in inventory.sites[site].bearers:
-        result[str(link.gateway)] = f"next hop of {link.name}"
-        result |= {str(probe_target): f"probe target of {link.name}" for probe_target in link.canaries}
+        result[str(link.gateway)] = msg(f"next hop of {arg(link.name)}")
+        result |= {str(probe_target): msg(f"probe target of {arg(link.name)}") for probe_target in link.canaries}
     for entry in inventory.sites[site].lan.reservations:
         result |= {entry.mac: entry.name, str(entry.address): entry.name}
     for host in inventory.site_hosts(site):
@@ -349,7 +350,9 @@ class JournalFacts:
         if run is None:
             return Fact(value=None, origin=Origin.NOT_READ, note="the journal on this computer has no adoption of it")
         by = run.start_record.by if run.start_record is not None else ""
-        return Fact(value=by or "who did it was not recorded", origin=Origin.STORED, at=run.at, note=f"run {run.id}")
+        return Fact(
+            value=by or "who did it was not recorded", origin=Origin.STORED, at=run.at, note=msg(f"run {arg(run.id)}")
+        )
 
     def _confirmation_fact(self, name: str) -> Fact:
         run = self._run(name, Purpose.CONFIGURE)

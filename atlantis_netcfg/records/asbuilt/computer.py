@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.operations.computers import parts
 from atlantis_netcfg.operations.computers._access import is_server
@@ -70,7 +71,7 @@ def declared_packages(inventory: Inventory, host: Host, request: Request) -> tup
         try:
             desired_packages = part(inventory, host, request).get("packages") or {}
         except NetcfgError as error:
-            notes.append(f"the packages of `{name}` are not known, so they were not queried: {error}")
+            notes.append(msg(f"the packages of `{arg(name)}` are not known, so they were not queried: {arg(error)}"))
             continue
         package_names |= {str(package["name"]) for package in desired_packages.get("packages") or ()}
     return tuple(sorted(package_names)), tuple(notes)
@@ -97,7 +98,7 @@ def read(
         ports=tuple(_ports(outputs, port, host_by_address)),
         packages=_versions(outputs.get("packages"), packages),
         missing=tuple(
-            f"{' '.join(_PROGRAMS[name])}: {_failure_text(answers[name])}"
+            msg(f"{arg(' '.join(_PROGRAMS[name]))}: {arg(_failure_text(answers[name]))}")
             for name in _REQUIRED_FACTS
             if outputs[name] is None
         ),
@@ -126,7 +127,7 @@ def _facts(outputs: Mapping[str, str | None]) -> dict[str, record.Fact]:
         "serial": _fact(serial, "its firmware reports no serial number"),
         "os": _fact(_release(outputs["os"] or ""), "its system does not report it"),
         "kernel": _fact(outputs["kernel"], "its system does not report it"),
-        "host_key": _fact(key[0] if key else None, f"it has no {_HOST_KEY}"),
+        "host_key": _fact(key[0] if key else None, msg(f"it has no {arg(_HOST_KEY)}")),
     }
 
 
@@ -172,7 +173,7 @@ def _ports(
             name=name,
             mac=mac or None,
             link=state,
-            speed=f"{speed} Mbit/s" if speed is not None and speed.isdecimal() else None,
+            speed=msg(f"{arg(speed)} Mbit/s") if speed is not None and speed.isdecimal() else None,
             belongs="LAN of the site" if name == interface else None,
             neighbours=tuple(_neighbours(outputs["neighbours"], name, host_by_address)),
         )

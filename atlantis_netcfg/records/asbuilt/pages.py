@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.records.asbuilt.record import (
     FACTS,
@@ -65,12 +66,12 @@ def shown_state(state: ReadState) -> signs.ShownState:
 
 def heading(record: AsBuiltRecord) -> str:
     """Return the title of the record."""
-    return f"As built: {record.title} ({record.site})"
+    return msg(f"As built: {arg(record.title)} ({arg(record.site)})")
 
 
 def subtitle(record: AsBuiltRecord) -> str:
     """Return the record's id and time."""
-    return f"record {record.id}, {time_text(record.at, record.time_zone)}"
+    return msg(f"record {arg(record.id)}, {arg(time_text(record.at, record.time_zone))}")
 
 
 def what(record: AsBuiltRecord) -> str:
@@ -82,20 +83,20 @@ def where(fact: Fact, zone: str) -> str:
     """Return the origin of a value as text."""
     at = time_text(fact.at, zone) if fact.at is not None else ""
     if fact.value is None:
-        return f"not read: {fact.note}" if fact.note else "not read"
+        return msg(f"not read: {arg(fact.note)}" if fact.note else "not read")
     if fact.origin is Origin.READ:
         return "read in this run"
     if fact.origin is Origin.DECLARED:
         return fact.note or "declared"
-    words = f"stored on {at}" if at else "stored"
-    return f"{words}, {fact.note}" if fact.note else words
+    words = msg(f"stored on {arg(at)}" if at else "stored")
+    return msg(f"{arg(words)}, {arg(fact.note)}") if fact.note else words
 
 
 def checklist_words(fact: Fact, zone: str) -> str:
     """Return the last signed checklist of the site as text."""
     if fact.value is None:
-        return f"last signed checklist of the site: {fact.note}"
-    return f"last signed checklist of the site: {fact.value} ({where(fact, zone)})"
+        return msg(f"last signed checklist of the site: {arg(fact.note)}")
+    return msg(f"last signed checklist of the site: {arg(fact.value)} ({arg(where(fact, zone))})")
 
 
 def facts_of(device: DeviceRecord) -> list[tuple[str, Fact]]:
@@ -109,18 +110,18 @@ def read_words(device: DeviceRecord, zone: str) -> str:
         return ""
     if device.read_at is None:
         return "it was never read on this computer"
-    return f"its last known values, read on {time_text(device.read_at, zone)}"
+    return msg(f"its last known values, read on {arg(time_text(device.read_at, zone))}")
 
 
 def link_words(port: PortRecord) -> str:
     """Return a port's link as text: state, speed, MAC."""
-    words = f"link {port.link}, {port.speed}" if port.speed else f"link {port.link}"
+    words = msg(f"link {arg(port.link)}, {arg(port.speed)}" if port.speed else f"link {arg(port.link)}")
     return f"{words}, MAC {port.mac}" if port.mac else words
 
 
 def neighbour_words(neighbour: PortNeighbour) -> str:
     """Return a neighbour and how it was detected, as text."""
-    return f"neighbour: {neighbour_text(neighbour)}, from {' and '.join(neighbour.by)}"
+    return msg(f"neighbour: {arg(neighbour_text(neighbour))}, from {arg(' and '.join(neighbour.by))}")
 
 
 def closing(record: AsBuiltRecord) -> str:
@@ -130,14 +131,14 @@ def closing(record: AsBuiltRecord) -> str:
     part, rest = states.count(ReadState.IN_PART), len(states)
     if not read and not away and not part:
         return "No device was queried, so nothing was read"
-    words = [f"{read} of {rest} devices were read"]
-    words += [f"{part} in part"] if part else []
-    words += [f"{away} did not respond"] if away else []
+    words = [msg(f"{arg(read)} of {arg(rest)} devices were read")]
+    words += [msg(f"{arg(part)} in part")] if part else []
+    words += [msg(f"{arg(away)} did not respond")] if away else []
     out = states.count(ReadState.LEFT_OUT)
-    words += [f"{out} were excluded"] if out else []
+    words += [msg(f"{arg(out)} were excluded")] if out else []
     other_count = rest - read - part - away - out
-    words += [f"{other_count} cannot be queried"] if other_count else []
-    return ", ".join(words)
+    words += [msg(f"{arg(other_count)} cannot be queried")] if other_count else []
+    return join(", ", words)
 
 
 def compared_words(record: AsBuiltRecord) -> str:
@@ -145,8 +146,8 @@ def compared_words(record: AsBuiltRecord) -> str:
     if record.since is None:
         return "There is no earlier record to compare with."
     if not record.changes:
-        return f"No differences from record {record.since} in what was read."
-    return f"Differences from record {record.since}:"
+        return msg(f"No differences from record {arg(record.since)} in what was read.")
+    return msg(f"Differences from record {arg(record.since)}:")
 
 
 def rows(record: AsBuiltRecord, location: str) -> Iterator[printable.Row]:
@@ -156,7 +157,7 @@ def rows(record: AsBuiltRecord, location: str) -> Iterator[printable.Row]:
         yield from printable.wrap_row(
             row, printable.NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2
         )
-    yield translate(f"saved: {location}")
+    yield translate(f"saved: {arg(location)}")
     yield translate(closing(record))
 
 
@@ -174,8 +175,8 @@ def _rows(record: AsBuiltRecord) -> Iterator[printable.Row]:
     yield from (
         (printable.StyledText("  ~ ", printable.Style.WARNING), translate(change.words)) for change in record.changes
     )
-    yield from (translate(f"note: {note}") for note in record.notes)
-    yield from (translate(f"cost of this run over {name}: {words}") for name, words in record.costs.items())
+    yield from (translate(f"note: {arg(note)}") for note in record.notes)
+    yield from (translate(f"cost of this run over {arg(name)}: {arg(words)}") for name, words in record.costs.items())
     if record.not_rehearsed:
         yield translate(count_limits(len(record.not_rehearsed)))
     yield ""
@@ -196,20 +197,20 @@ def _device(device: DeviceRecord, zone: str) -> Iterator[printable.Row]:
         value = f"{fact.value} ({translate(where(fact, zone))})" if fact.value else translate(where(fact, zone))
         yield _label(translate(title_of(name)), value)
     for port in device.ports:
-        yield _label(translate(f"port {port.name}"), translate(link_words(port)))
+        yield _label(translate(f"port {arg(port.name)}"), translate(link_words(port)))
         if port.belongs:
-            yield f"{'':<{_COLUMN}}{translate(f'according to the inventory: {port.belongs}')}"
+            yield f"{'':<{_COLUMN}}{translate(f'according to the inventory: {arg(port.belongs)}')}"
         yield from (f"{'':<{_COLUMN}}{translate(neighbour_words(item))}" for item in port.neighbours)
     for item in device.elsewhere:
         yield _label(translate("port not known"), translate(neighbour_words(item)))
     for name, version in device.packages.items():
-        yield _label(translate(f"package {name}"), translate(version))
-    yield from (f"  {translate(f'note: {note}')}" for note in device.notes)
+        yield _label(translate(f"package {arg(name)}"), translate(version))
+    yield from (f"  {translate(f'note: {arg(note)}')}" for note in device.notes)
 
 
 def _label(title: str, value: str) -> str:
     """Return a value next to its title; a long title shifts it to the right."""
-    return f"  {title:<{_COLUMN - 3}} {value}"
+    return msg(f"  {arg(title):<{_COLUMN - 3}} {arg(value)}")
 
 
 def anchor(name: str) -> str:
@@ -234,7 +235,7 @@ def html(record: AsBuiltRecord, digest: str) -> bytes:
 
 def table_words(table: ReportTable) -> str:
     """Return a report table's number and title."""
-    return f"Table {table.number}: {table.title}"
+    return msg(f"Table {arg(table.number)}: {arg(table.title)}")
 
 
 @cache

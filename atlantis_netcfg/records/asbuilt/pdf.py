@@ -18,6 +18,7 @@ import segno
 from atlantis_netcfg.checklist.report._pdf import _sheet
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.records.asbuilt import pages
 from atlantis_netcfg.records.asbuilt.archive import FILE
 from atlantis_netcfg.records.asbuilt.record import report_tables, title_of
@@ -68,25 +69,25 @@ def pdf(record: AsBuiltRecord, digest: str) -> bytes:
 
 def _paper(record: AsBuiltRecord, digest: str) -> _sheet.Paper:
     paper = _sheet.Paper(translate(pages.heading(record)), record.tool, record.at)
-    words = [translate(f"{record.site}, record {record.id}"), f"SHA-256 {digest[:DIGITS]}…"]
-    paper.head_line = "; ".join(
-        [*words, *([translate("REHEARSED, no real device was contacted")] if record.rehearsed else [])]
+    words = [translate(f"{arg(record.site)}, record {arg(record.id)}"), f"SHA-256 {digest[:DIGITS]}…"]
+    paper.head_line = join(
+        "; ", [*words, *([translate("REHEARSED, no real device was contacted")] if record.rehearsed else [])]
     )
     paper.foot_line = translate(pages.closing(record))
     return paper
 
 
 def _device(paper: _sheet.Paper, device: DeviceRecord, zone: str) -> None:
-    paper.head(f"{device.name}: {pages.state_word(device.state)}")
+    paper.head(msg(f"{arg(device.name)}: {arg(pages.state_word(device.state))}"))
     for words in (device.why, device.hint and f"→ {translate(device.hint)}", pages.read_words(device, zone)):
         if words:
             paper.tell(translate(words), indent=_INDENT)
     for name, fact in pages.facts_of(device):
         paper.tell(f"{translate(title_of(name))}: {_value(fact, zone)}", size=_sheet.SMALL, indent=_INDENT)
     for port in device.ports:
-        belongs = f"; {translate(f'according to the inventory: {port.belongs}')}" if port.belongs else ""
+        belongs = f"; {translate(f'according to the inventory: {arg(port.belongs)}')}" if port.belongs else ""
         paper.tell(
-            f"{translate(f'port {port.name}')}: {translate(pages.link_words(port))}{belongs}",
+            f"{translate(f'port {arg(port.name)}')}: {translate(pages.link_words(port))}{belongs}",
             size=_sheet.SMALL,
             indent=_INDENT,
         )
@@ -99,12 +100,12 @@ def _device(paper: _sheet.Paper, device: DeviceRecord, zone: str) -> None:
             indent=_INDENT,
         )
     for note in device.notes:
-        paper.tell(translate(f"note: {note}"), size=_sheet.SMALL, indent=_INDENT)
+        paper.tell(translate(f"note: {arg(note)}"), size=_sheet.SMALL, indent=_INDENT)
 
 
 def _value(fact: Fact, zone: str) -> str:
     origin = translate(pages.where(fact, zone))
-    return f"{fact.value} ({origin})" if fact.value else origin
+    return msg(f"{arg(fact.value)} ({arg(origin)})") if fact.value else origin
 
 
 def _table(paper: _sheet.Paper, table: ReportTable) -> None:
@@ -114,7 +115,7 @@ def _table(paper: _sheet.Paper, table: ReportTable) -> None:
     for row in table.rows:
         pairs = zip(table.columns, row, strict=True)
         paper.tell(
-            "; ".join(f"{translate(column)}: {cell}" for column, cell in pairs if cell),
+            join("; ", (f"{translate(column)}: {cell}" for column, cell in pairs if cell)),
             size=_sheet.SMALL,
             indent=_INDENT,
         )
@@ -147,10 +148,10 @@ def _labels(record: AsBuiltRecord, device: DeviceRecord, digest: str, place: str
     for port, belongs in [(None, device.kind.replace("_", " ")), *ports]:
         lines = (
             f"ATLANTIS as built{' (REHEARSED)' if record.rehearsed else ''}",
-            f"{record.site}: {device.name}",
-            *([f"port {port}: {belongs}"] if port else []),
-            f"serial {serial}",
-            f"record {record.id}",
+            msg(f"{arg(record.site)}: {arg(device.name)}"),
+            *([msg(f"port {arg(port)}: {arg(belongs)}")] if port else []),
+            msg(f"serial {arg(serial)}"),
+            msg(f"record {arg(record.id)}"),
             f"sha256 {digest[:DIGITS]}",
             f"{place}/as-built.html#{pages.anchor(device.name)}",
         )
@@ -183,10 +184,10 @@ def _side(width: float, height: float, modules: int) -> float:
     if side >= least:
         return side
     raise UsageError(
-        f"labels of {width:g} by {height:g} mm are too small for their QR codes",
+        f"labels of {arg(width):g} by {arg(height):g} mm are too small for their QR codes",
         hint=(
-            f"set `label_width_mm` {ceil(least / _SHARE)} and `label_height_mm` {ceil(least + 2 * _EDGE)}, or more, "
-            "under `asbuilt` in group_vars/all/pilot.yml"
+            f"set `label_width_mm` {arg(ceil(least / _SHARE))} and `label_height_mm` {arg(ceil(least + 2 * _EDGE))}, "
+            "or more, under `asbuilt` in group_vars/all/pilot.yml"
         ),
     )
 
@@ -224,7 +225,7 @@ def _words(label: Label, record: AsBuiltRecord) -> Iterator[tuple[str, float, bo
     """Yield the text beside the code, with font size and whether it is bold."""
     yield (label.device if label.port is None else f"{label.device} {label.port}"), 9.0, True
     yield translate(label.belongs), 7.5, False
-    yield translate(f"serial {label.serial}"), 6.5, False
+    yield translate(f"serial {arg(label.serial)}"), 6.5, False
     yield record.id, 6.0, False
     if record.rehearsed:
         yield translate("REHEARSED"), 7.5, True

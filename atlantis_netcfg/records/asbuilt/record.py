@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import NumberMask
 
 if TYPE_CHECKING:
@@ -148,13 +149,13 @@ class Change(_Data):
         """The difference as text."""
         if self.neighbour:
             if self.after is None:
-                return f"{self.device}: {self.what} no longer has {self.before}"
-            return f"{self.device}: {self.what} now has {self.after}"
+                return msg(f"{arg(self.device)}: {arg(self.what)} no longer has {arg(self.before)}")
+            return msg(f"{arg(self.device)}: {arg(self.what)} now has {arg(self.after)}")
         if self.before is None:
-            return f"{self.device}: {self.what} is now {self.after}; it was not known before"
+            return msg(f"{arg(self.device)}: {arg(self.what)} is now {arg(self.after)}; it was not known before")
         if self.after is None:
-            return f"{self.device}: {self.what} is gone; it was {self.before}"
-        return f"{self.device}: {self.what} changed from {self.before} to {self.after}"
+            return msg(f"{arg(self.device)}: {arg(self.what)} is gone; it was {arg(self.before)}")
+        return msg(f"{arg(self.device)}: {arg(self.what)} changed from {arg(self.before)} to {arg(self.after)}")
 
 
 class SessionUsage(_Data):
@@ -275,13 +276,15 @@ def _port_differences(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Diff
     for port in now.ports:
         old = old_ports.pop(port.name, None)
         if old is None:
-            yield f"port {port.name}", None, port.mac or port.link.value
+            yield msg(f"port {arg(port.name)}"), None, port.mac or port.link.value
             continue
         pairs = (("MAC", old.mac, port.mac), ("link", old.link.value, port.link.value))
-        yield from ((f"{what} of port {port.name}", a, b) for what, a, b in pairs if a != b and b is not None)
+        yield from (
+            (msg(f"{arg(what)} of port {arg(port.name)}"), a, b) for what, a, b in pairs if a != b and b is not None
+        )
         if port.speed is not None and old.speed not in {None, port.speed}:
-            yield f"speed of port {port.name}", old.speed, port.speed
-    yield from ((f"port {name}", old.mac or old.link.value, None) for name, old in old_ports.items())
+            yield msg(f"speed of port {arg(port.name)}"), old.speed, port.speed
+    yield from ((msg(f"port {arg(name)}"), old.mac or old.link.value, None) for name, old in old_ports.items())
 
 
 def _of_neighbours(now: DeviceRecord, before: DeviceRecord) -> Iterator[Change]:
@@ -293,13 +296,13 @@ def _of_neighbours(now: DeviceRecord, before: DeviceRecord) -> Iterator[Change]:
         pairs: list[tuple[str | None, str | None]] = [(None, here[mac]) for mac in here if mac not in before_by_mac]
         pairs += [(before_by_mac[mac], None) for mac in before_by_mac if mac not in here]
         for old, new in pairs:
-            yield Change(device=now.name, what=f"port {port.name}", before=old, after=new, neighbour=True)
+            yield Change(device=now.name, what=msg(f"port {arg(port.name)}"), before=old, after=new, neighbour=True)
 
 
 def _package_differences(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
     for name, version in now.packages.items():
         if before.packages and before.packages.get(name) != version:
-            yield f"package {name}", before.packages.get(name), version
+            yield msg(f"package {arg(name)}"), before.packages.get(name), version
 
 
 def neighbour_text(neighbour: PortNeighbour) -> str:

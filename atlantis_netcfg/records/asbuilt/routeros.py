@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.lte.routeros import monitor_query
 from atlantis_netcfg.operations.links.session import command, rows
 from atlantis_netcfg.records.asbuilt.record import CableState, Fact, Origin, PortNeighbour, PortRecord, mask_number
@@ -93,7 +94,7 @@ def _refusals(menus: Mapping[str, Reply], names: Sequence[str]) -> Iterator[str]
     for name in names:
         trap = menus[name].trap
         if trap is not None:
-            yield f"the device refuses {_MENUS[name][0]}: {trap.message}"
+            yield msg(f"the device refuses {arg(_MENUS[name][0])}: {arg(trap.message)}")
 
 
 def _first(menu: Sequence[Row]) -> dict[str, str]:
@@ -213,6 +214,8 @@ def _notes(
         yield "neighbour discovery is off on the device, so it learns no names"
     yield from _refusals(menus, ("board", "bridge", "arp"))
     rename_notes = [
-        f"{row['default-name']} is called {row['name']}" for row in interfaces if row["default-name"] != row["name"]
+        msg(f"{arg(row['default-name'])} is called {arg(row['name'])}")
+        for row in interfaces
+        if row["default-name"] != row["name"]
     ]
     yield from rename_notes

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.printable import NARROW, Row, Style, StyledText, wrap_row
 from atlantis_netcfg.records.qualify.sections import (
     EMULATED_NOTICE,
@@ -67,7 +68,7 @@ def rows(record: QualifyRecord, location: str) -> Iterator[Row]:
         elif section.table is not None:
             yield from table_rows(section.table)
     yield ""
-    yield from wrap_row(translate(f"saved: {location}"), NARROW, _INDENT)
+    yield from wrap_row(translate(f"saved: {arg(location)}"), NARROW, _INDENT)
     words = f": {translate(closing_sentence(record))}"
     yield from wrap_row((StyledText(record.verdict.value, STYLES[record.verdict]), words), NARROW, _INDENT)
 
@@ -76,7 +77,7 @@ def _judgements(record: QualifyRecord) -> Iterator[Row]:
     table = next(section.table for section in sections(record) if section.key == "verdicts")
     for criterion, value, limit, verdict, reason in () if table is None else table.rows:
         why = "" if verdict == Verdict.PASS else f"; {translate(reason)}"
-        limits = translate(f"limit {limit}")
+        limits = translate(f"limit {arg(limit)}")
         words = f"{translate(criterion)}: {translate(value)}, {limits}{why}"
         yield from wrap_row(("  ", StyledText(f"{verdict:<13}", STYLES[Verdict(verdict)]), words), NARROW, 15)
 
@@ -97,7 +98,7 @@ def table_rows(table: FigureTable) -> Iterator[Row]:
     else:
         for row in cells[1:]:
             pairs = (f"{column} {cell}" for column, cell in zip(cells[0][1:], row[1:], strict=True))
-            yield from wrap_row(f"  {row[0]}: {'; '.join(pairs)}", NARROW, _INDENT + 2)
+            yield from wrap_row(msg(f"  {arg(row[0])}: {arg(join('; ', pairs))}"), NARROW, _INDENT + 2)
 
 
 def in_words(table: FigureTable, row: Sequence[str]) -> list[str]:
@@ -109,7 +110,7 @@ def _label_rows(name: str, value: str) -> Iterator[Row]:
     if len(value) > NARROW - _LABEL and " " not in value:
         yield from (f"  {name}", f"    {value}")
     else:
-        yield from wrap_row(f"  {name:<{_LABEL - 3}} {value}", NARROW, _LABEL)
+        yield from wrap_row(msg(f"  {arg(name):<{_LABEL - 3}} {arg(value)}"), NARROW, _LABEL)
 
 
 def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
@@ -142,7 +143,7 @@ def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
 
     paper = Paper(translate(heading(record)), record.run.tool, record.run.begun)
     words = [translate(subtitle(record)), *([translate("EMULATED LINK")] if record.run.emulated else [])]
-    paper.head_line = "; ".join(words)
+    paper.head_line = join("; ", words)
     paper.foot_line = f"{record.verdict.value}; {translate(heading(record))}"
     paper.add_page()
     paper.tell(translate(heading(record)), size=17, bold=True)

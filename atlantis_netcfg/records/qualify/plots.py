@@ -16,6 +16,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.qualify.compare import loss_shares
 from atlantis_netcfg.links.qualify.figures import round_trips
 from atlantis_netcfg.runs.report import signs
@@ -203,7 +204,7 @@ def _frame(height: float = HEIGHT) -> tuple[float, float, float, float]:
 
 def _over_time(record: QualifyRecord, name: str, load: str, points: Sequence[tuple[float, float | None]]) -> Plot:
     """Draw round trips over time; each column spans the minimum and maximum of its time, so that no peak is lost."""
-    chart = _Chart(record, f"Round trips over time, {load}")
+    chart = _Chart(record, msg(f"Round trips over time, {arg(load)}"))
     left, right, bottom, top = _frame()
     answered_points = [(at, rtt) for at, rtt in points if rtt is not None]
     silent = [at for at, rtt in points if rtt is None]
@@ -217,9 +218,9 @@ def _over_time(record: QualifyRecord, name: str, load: str, points: Sequence[tup
     chart.path((_column(place, y.at(low), y.at(high)) for place, (low, high) in columns.items()), _FIRST)
     ticks = dict.fromkeys(round(x.at(at)) for at in silent)
     chart.path((f"M{place},{top}V{top + 6}" for place in ticks), _LOSS)
-    words = f"{len(answered_points)} of {len(points)} packets got a response."
+    words = msg(f"{arg(len(answered_points))} of {arg(len(points))} packets got a response.")
     if silent:
-        chart.text(right, 34, translate(f"no response: {len(silent)}, ticks at the top"), anchor="end", fill=_LOSS)
+        chart.text(right, 34, translate(f"no response: {arg(len(silent))}, ticks at the top"), anchor="end", fill=_LOSS)
     return chart.plot(name, [words, *_percentile_words(sorted(rtt for _, rtt in answered_points))])
 
 
@@ -231,7 +232,7 @@ def _column(place: int, low: float, high: float) -> str:
 def _percentile_words(sorted_values: Sequence[float]) -> list[str]:
     if not sorted_values:
         return []
-    return [f"Shortest round trip {sorted_values[0]:.3f} s, longest {sorted_values[-1]:.3f} s."]
+    return [msg(f"Shortest round trip {arg(sorted_values[0]):.3f} s, longest {arg(sorted_values[-1]):.3f} s.")]
 
 
 def _shares(record: QualifyRecord, series: Sequence[tuple[str, Sequence[float]]]) -> Plot:
@@ -250,7 +251,12 @@ def _shares(record: QualifyRecord, series: Sequence[tuple[str, Sequence[float]]]
         chart.path([f"M{place},30h24"], colour, dashes=dashes)
         chart.text(place + 30, 34, translate(load), anchor="start", fill=colour)
         middle, most = values[math.ceil(0.5 * len(values)) - 1], values[math.ceil(0.95 * len(values)) - 1]
-        words.append(f"{load}: half of {len(values)} round trips within {middle:.3f} s, 95 % within {most:.3f} s.")
+        words.append(
+            msg(
+                f"{arg(load)}: half of {arg(len(values))} round trips within {arg(middle):.3f} s, 95 % within "
+                f"{arg(most):.3f} s."
+            )
+        )
     return chart.plot("shares", words)
 
 
@@ -285,14 +291,14 @@ def _gaps(record: QualifyRecord, train: TrainFigures) -> Plot:
     above = [*train.gaps.above, (None, 0)]
     bars: list[tuple[str, float | None, str]] = []
     for (limit, count), (upper, more) in pairwise(above):
-        label = f"{limit} to {upper} s" if upper is not None else f"more than {limit} s"
+        label = msg(f"{arg(limit)} to {arg(upper)} s" if upper is not None else f"more than {arg(limit)} s")
         bars.append((translate(label), float(count - more), str(count - more)))
     y = _Axis.build(0, max((value or 0 for _, value, _ in bars), default=0), bottom, top + 14, whole=True)
     chart.axes(_Axis(0, 1, left, right), y, "length of the gap", "number")
     _bars(chart, bars, y)
     end = " It was still open when the packet train ended." if train.gaps.open_end and train.gaps.above[0][1] else ""
-    longest = f"The longest gap lasted {train.gaps.longest_s:.2f} s.{end}"
-    return chart.plot("gaps", [longest, *(f"{label}: {words}." for label, _, words in bars)])
+    longest = msg(f"The longest gap lasted {arg(train.gaps.longest_s):.2f} s.{arg(end)}")
+    return chart.plot("gaps", [longest, *(msg(f"{arg(label)}: {arg(words)}.") for label, _, words in bars)])
 
 
 def _losses(record: QualifyRecord, trains: Sequence[tuple[str, TrainFigures]]) -> Plot:
@@ -302,15 +308,15 @@ def _losses(record: QualifyRecord, trains: Sequence[tuple[str, TrainFigures]]) -
     for load, train in trains:
         up, down, both = loss_shares(train)
         words_of_load = translate(load)
-        ways = [(f"up, {words_of_load}", up), (f"down, {words_of_load}", down)]
-        for way, share in ways if up is not None else [(f"both ways, {words_of_load}", both)]:
+        ways = [(msg(f"up, {arg(words_of_load)}"), up), (msg(f"down, {arg(words_of_load)}"), down)]
+        for way, share in ways if up is not None else [(msg(f"both ways, {arg(words_of_load)}"), both)]:
             percent = None if share is None else 100 * share
             words = translate("unknown") if percent is None else f"{percent:.2f} %"
             bars.append((translate(way), percent, words))
     y = _Axis.build(0, max((value or 0 for _, value, _ in bars), default=0) or 1.0, bottom, top + 14)
     chart.axes(_Axis(0, 1, left, right), y, "direction of the packets", "%")
     _bars(chart, bars, y)
-    return chart.plot("loss", [f"{label}: {words}." for label, _, words in bars])
+    return chart.plot("loss", [msg(f"{arg(label)}: {arg(words)}.") for label, _, words in bars])
 
 
 _ROW, _HEAD = 34.0, 92.0
@@ -335,7 +341,7 @@ def _grid(record: QualifyRecord, name: str, title: str, rows: Sequence[MeasuredR
             row = cells.get((octets, label, rate))
             _draw_cell(chart, row, _HEAD + column * slot + 2, y, slot - 4)
             if row is not None:
-                words.append(f"{label} at {rate:g} Hz: {row.verdict.value}, {row.reason}.")
+                words.append(msg(f"{arg(label)} at {arg(rate):g} Hz: {arg(row.verdict.value)}, {arg(row.reason)}."))
     return chart.plot(name, words)
 
 

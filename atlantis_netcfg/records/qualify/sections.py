@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.qualify import figures
 from atlantis_netcfg.links.qualify.compare import clock_words, loss_shares
@@ -64,12 +65,12 @@ class PageSection:
 
 def heading(record: QualifyRecord) -> str:
     """Return the title of the report."""
-    return f"Measured link: {record.run.link} of {record.run.site}"
+    return msg(f"Measured link: {arg(record.run.link)} of {arg(record.run.site)}")
 
 
 def subtitle(record: QualifyRecord) -> str:
     """Return the subtitle of the page: run id and start time in the run's time zone."""
-    return f"run {record.run.id}, {time_text(record.run.begun, record.run.time_zone)}"
+    return msg(f"run {arg(record.run.id)}, {arg(time_text(record.run.begun, record.run.time_zone))}")
 
 
 def closing_sentence(record: QualifyRecord) -> str:
@@ -78,7 +79,7 @@ def closing_sentence(record: QualifyRecord) -> str:
     if not verdicts:
         return "no criterion was checked: the run has no round trips without load"
     pass_count = verdicts.count(Verdict.PASS)
-    words = f"{pass_count} of {len(verdicts)} criteria of `{record.thresholds_name}` are met"
+    words = msg(f"{arg(pass_count)} of {arg(len(verdicts))} criteria of `{arg(record.thresholds_name)}` are met")
     way = (
         "the traffic used this link"
         if record.run.way is Verdict.PASS
@@ -86,8 +87,8 @@ def closing_sentence(record: QualifyRecord) -> str:
     )
     if record.run.way is Verdict.FAIL:
         way = "the traffic used another link"
-    short = "" if record.run.reason == EndReason.DONE else f"; it ended early: {record.run.reason}"
-    return f"{words}; {way}{short}{'; over an emulated link' if record.run.emulated else ''}"
+    short = msg("" if record.run.reason == EndReason.DONE else f"; it ended early: {arg(record.run.reason)}")
+    return msg(f"{arg(words)}; {arg(way)}{arg(short)}{'; over an emulated link' if record.run.emulated else ''}")
 
 
 EMULATED_NOTICE: Final = "EMULATED LINK: these figures say nothing about a real link."
@@ -122,9 +123,9 @@ def _verdicts(record: QualifyRecord) -> PageSection:
         )
         for item in record.judgements
     )
-    notes = [f"Thresholds: {record.thresholds_name}. They are a proposal: the report gives none."]
+    notes = [msg(f"Thresholds: {arg(record.thresholds_name)}. They are a proposal: the report gives none.")]
     if record.thresholds_name != record.run.thresholds_name:
-        notes.append(f"The run itself was judged by {record.run.thresholds_name}.")
+        notes.append(msg(f"The run itself was judged by {arg(record.run.thresholds_name)}."))
     return PageSection(
         "verdicts",
         "Verdicts by thresholds",
@@ -156,7 +157,9 @@ def _path_section(record: QualifyRecord) -> PageSection:
     if rows:
         whose = "this computer's tunnel" if run.far_end.over_vpn else "this run"
         notes.append(
-            f"From the router's counters: packets of {whose}, and all bytes through the port during that time."
+            msg(
+                f"From the router's counters: packets of {arg(whose)}, and all bytes through the port during that time."
+            )
         )
     return PageSection(
         "way",
@@ -173,9 +176,9 @@ def _count(value: int | None) -> str:
 def _figures(record: QualifyRecord) -> PageSection:
     trains = [record.idle, record.under_load]
     rows = tuple((title, *("-" if train is None else take(train) for train in trains)) for title, take in _ROWS)
-    notes = [f"Loss each way: {train.loss.why}." for train in trains[:1] if train is not None]
+    notes = [msg(f"Loss each way: {arg(train.loss.why)}.") for train in trains[:1] if train is not None]
     if record.idle is not None and record.idle.reason != "done":
-        notes.append(f"The packet train without load ended early: {record.idle.reason}.")
+        notes.append(msg(f"The packet train without load ended early: {arg(record.idle.reason)}."))
     plots = ("idle-time", "loaded-time", "shares", "gaps", "loss")
     if record.idle is None and record.under_load is None:
         return PageSection("figures", "Round trips, loss and gaps", ("No round trips were measured.",))
@@ -201,9 +204,8 @@ def _rtt(name: str) -> Callable[[figures.TrainFigures], str]:
 
 
 def _longest(train: figures.TrainFigures) -> str:
-    return (
-        f"{format_seconds(train.gaps.longest_s)}{' or more' if train.gaps.open_end and train.gaps.above[0][1] else ''}"
-    )
+    is_open = train.gaps.open_end and train.gaps.above[0][1]
+    return msg(f"{arg(format_seconds(train.gaps.longest_s))}{' or more' if is_open else ''}")
 
 
 _ROWS: Final[tuple[tuple[str, Callable[[figures.TrainFigures], str]], ...]] = (
@@ -237,7 +239,7 @@ _ROWS: Final[tuple[tuple[str, Callable[[figures.TrainFigures], str]], ...]] = (
     ("IPDV down, 95 %", _variation(lambda each: each.ipdv_p95_s, "down")),
     ("longest gap", _longest),
     *(
-        (f"gaps of more than {limit} s", lambda train, limit=limit: str(dict(train.gaps.above).get(limit, 0)))
+        (msg(f"gaps of more than {arg(limit)} s"), lambda train, limit=limit: str(dict(train.gaps.above).get(limit, 0)))
         for limit in figures.GAPS_S
     ),
 )
@@ -260,8 +262,12 @@ def _load(record: QualifyRecord) -> PageSection:
     )
     why = f" ({run.path_mtu_reason})" if run.path_mtu_reason else ""
     path_mtus = (run.path_mtu_up, run.path_mtu_both)
-    mtu = f"Path MTU: up {_octets(path_mtus[0])}, both ways {_octets(path_mtus[1])}{why}."
-    doubts = [f"Goodput {_DIRECTIONS[row.way]}: {row.verdict.value}: {row.doubt}." for row in record.load if row.doubt]
+    mtu = msg(f"Path MTU: up {arg(_octets(path_mtus[0]))}, both ways {arg(_octets(path_mtus[1]))}{arg(why)}.")
+    doubts = [
+        msg(f"Goodput {arg(_DIRECTIONS[row.way])}: {arg(row.verdict.value)}: {arg(row.doubt)}.")
+        for row in record.load
+        if row.doubt
+    ]
     notes = [mtu, *doubts, *([] if rows else ["Goodput was not measured."])]
     return PageSection(
         "load", "Goodput at the receiver, path MTU", tuple(notes), FigureTable(_COLUMNS["load"], rows) if rows else None
@@ -269,7 +275,7 @@ def _load(record: QualifyRecord) -> PageSection:
 
 
 def _octets(value: int | None) -> str:
-    return UNKNOWN if value is None else f"{value} octets"
+    return UNKNOWN if value is None else msg(f"{arg(value)} octets")
 
 
 def _grid(rows: Sequence[MeasuredRate]) -> FigureTable:
@@ -286,7 +292,7 @@ def _grid(rows: Sequence[MeasuredRate]) -> FigureTable:
                 "-" if row.p50_s is None else f"{row.p50_s:.2f} s",
                 "-" if row.p95_s is None else f"{row.p95_s:.2f} s",
                 f"{row.mb_per_hour:.1f}",
-                row.verdict.value if row.reason == "sustained" else f"{row.verdict.value}: {row.reason}",
+                row.verdict.value if row.reason == "sustained" else msg(f"{arg(row.verdict.value)}: {arg(row.reason)}"),
             )
             for row in rows
         ),
@@ -348,7 +354,7 @@ def _circumstances(record: QualifyRecord) -> PageSection:
     end = run.far_end
     rows = [
         ("kind of link", run.kind),
-        ("far end", f"{end.name}, {end.address} port {end.port}"),
+        ("far end", msg(f"{arg(end.name)}, {arg(end.address)} port {arg(end.port)}")),
         ("path to the far end", "through the VPN" if end.over_vpn else "outside the VPN"),
         ("test packets", "authenticated with a key" if end.authenticated else "not authenticated"),
         ("sent from", end.source),
@@ -373,14 +379,14 @@ def format_seconds(value: float) -> str:
     if value >= _MILLI_BELOW_S:
         return f"{value:.1f} s"
     milli = 1000 * value
-    return f"{milli:.1f} ms" if milli < _FINE_BELOW_MS else f"{milli:.0f} ms"
+    return msg(f"{arg(milli):.1f} ms" if milli < _FINE_BELOW_MS else f"{arg(milli):.0f} ms")
 
 
 def format_rate(bps: float | None) -> str:
     """Format a bit rate: `293 kbit/s`, `31.6 Mbit/s`; None is "unknown"."""
     if bps is None:
         return UNKNOWN
-    return f"{bps / _MEGA:.1f} Mbit/s" if bps >= _MEGA else f"{bps / _KILO:.0f} kbit/s"
+    return msg(f"{arg(bps / _MEGA):.1f} Mbit/s" if bps >= _MEGA else f"{arg(bps / _KILO):.0f} kbit/s")
 
 
 def format_percentage(value: float | None) -> str:

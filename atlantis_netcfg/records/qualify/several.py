@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.qualify import compare
 from atlantis_netcfg.records.qualify.pages import STYLES
@@ -23,7 +24,10 @@ _MARGIN = 6
 
 def _title(record: QualifyRecord) -> str:
     suffix = "; over an emulated link" if record.run.emulated else ""
-    return f"{record.run.id}: {record.run.link}, {time_text(record.run.begun, record.run.time_zone)}{suffix}"
+    return msg(
+        f"{arg(record.run.id)}: {arg(record.run.link)}, "
+        f"{arg(time_text(record.run.begun, record.run.time_zone))}{arg(suffix)}"
+    )
 
 
 def comparison_rows(

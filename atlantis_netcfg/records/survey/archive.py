@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.records.survey import points
 from atlantis_netcfg.records.survey.exports import CSV_FILE, GEOJSON_FILE, csv_table, geojson
 from atlantis_netcfg.records.survey.page import PAGE_FILE, render_page
@@ -41,9 +42,10 @@ def find_survey(folder: Path, name: str) -> Path:
     if name in names:
         return folder / name
     near = errors.nearest(name, names)
-    there = f"available: {', '.join(sorted(names)[-5:])}" if names else "none yet"
+    there = msg(f"available: {arg(join(', ', sorted(names)[-5:]))}" if names else "none yet")
     raise errors.NoMatchError(
-        f"there is no saved survey `{name}`", hint=f"did you mean `from={near}`? {there}" if near else there
+        f"there is no saved survey `{arg(name)}`",
+        hint=f"did you mean `from={arg(near)}`? {arg(there)}" if near else there,
     )
 
 
@@ -85,13 +87,15 @@ def evaluate_survey(survey: points.Survey) -> SurveyOutcome:
         return SurveyOutcome(errors.ExitCode.NOTHING, "no point was recorded")
     tested_points = [point for point in survey.points if point.rtt_median_s is not None]
     levels = [point for point in survey.points if point.rsrp_dbm is not None]
-    lacks = [] if survey.placed_points else [f"no point has a position ({survey.points[-1].no_position})"]
+    lacks = [] if survey.placed_points else [msg(f"no point has a position ({arg(survey.points[-1].no_position)})")]
     if not levels:
-        lacks.append(f"the unit reported no level ({survey.points[-1].no_radio or 'it does not report it'})")
+        lacks.append(msg(f"the unit reported no level ({arg(survey.points[-1].no_radio or 'it does not report it')})"))
     if survey.header.far_end is not None and not tested_points:
         reasons = list(dict.fromkeys(point.no_test for point in survey.points if point.no_test))
-        lacks.append(f"no test over the link got a response ({', '.join(reasons)})")
+        lacks.append(msg(f"no test over the link got a response ({arg(join(', ', reasons))})"))
     if lacks:
-        return SurveyOutcome(errors.ExitCode.CHECKS_FAILED, "; ".join(lacks))
+        return SurveyOutcome(errors.ExitCode.CHECKS_FAILED, join("; ", lacks))
     whole = sum(point.position is not None and point.rsrp_dbm is not None for point in survey.points)
-    return SurveyOutcome(errors.ExitCode.DONE, f"{whole} of {len(survey.points)} points have a position and a level")
+    return SurveyOutcome(
+        errors.ExitCode.DONE, msg(f"{arg(whole)} of {arg(len(survey.points))} points have a position and a level")
+    )

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.records.survey.points import SurveyPoint
 
 if TYPE_CHECKING:
@@ -92,11 +93,15 @@ def read_coast(path: Path) -> Coast:
         document = json.loads(path.read_text(encoding="utf-8"))
         lines = tuple(_outlines(document))
     except OSError as error:
-        raise UsageError(f"`coast={path}` cannot be read: {error.strerror}", hint="name a GeoJSON file") from error
+        raise UsageError(
+            f"`coast={arg(path)}` cannot be read: {arg(error.strerror)}", hint="name a GeoJSON file"
+        ) from error
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError) as error:
-        raise UsageError(f"`coast={path}` is not GeoJSON", hint="export the coast line as GeoJSON, WGS 84") from error
+        raise UsageError(
+            f"`coast={arg(path)}` is not GeoJSON", hint="export the coast line as GeoJSON, WGS 84"
+        ) from error
     if not lines:
-        raise UsageError(f"`coast={path}` contains no line and no polygon", hint="points cannot draw a coast line")
+        raise UsageError(f"`coast={arg(path)}` contains no line and no polygon", hint="points cannot draw a coast line")
     return Coast(path.name, lines)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.links.qualify import session
 from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.links.qualify.figures import train_figures
@@ -78,8 +79,9 @@ class SurveyPlan:
         cost = self.test_bytes(headers)
         if self.hourly_bytes < 3 * cost:
             raise HourlyBudgetError(
-                f"{self.hourly_bytes} bytes per hour are not enough: a test needs up to {cost}, and three must fit",
-                hint=f"use `--max-mb {3.01 * cost / 1000000:.2f}` or more, or `--radio-only`, which sends nothing",
+                f"{arg(self.hourly_bytes)} bytes per hour are not enough: a test needs up to {arg(cost)}, and three "
+                "must fit",
+                hint=f"use `--max-mb {arg(3.01 * cost / 1000000):.2f}` or more, or `--radio-only`, which sends nothing",
             )
         return HOUR_S * cost / (self.hourly_bytes - 2 * cost)
 
@@ -318,12 +320,12 @@ def parse_steps(text: str | None) -> tuple[float | None, float]:
     step_by_unit = {match[2]: float(match[1]) for match in matches if match is not None}
     if None in matches or len(step_by_unit) != len(matches):
         raise UsageError(
-            f"`every={text}` is not a valid interval", hint="give metres, seconds, or both: `every=50m,30s`"
+            f"`every={arg(text)}` is not a valid interval", hint="give metres, seconds, or both: `every=50m,30s`"
         )
     if step_by_unit.get("s", _LEAST_S) < _LEAST_S or step_by_unit.get("m", _LEAST_M) < _LEAST_M:
         raise UsageError(
-            f"`every={text}` is too frequent",
-            hint=f"use at least {_LEAST_S:g} s and {_LEAST_M:g} m: the unit is read each time",
+            f"`every={arg(text)}` is too frequent",
+            hint=f"use at least {arg(_LEAST_S):g} s and {arg(_LEAST_M):g} m: the unit is read each time",
         )
     return step_by_unit.get("m"), step_by_unit.get("s", plan.step_s)
 
@@ -332,7 +334,7 @@ def parse_hourly_budget(text: str) -> int:
     """Parse `--max-mb` into bytes per hour; the maximum is 2 MB. Raises UsageError."""
     if not re.fullmatch(r"\d{1,3}(\.\d{1,6})?", text) or not 0 < float(text) <= MAX_MB:
         raise UsageError(
-            f"`--max-mb {text}` is not a valid budget",
-            hint=f"give megabytes per hour, {MAX_MB:g} at most: `--max-mb 0.5`",
+            f"`--max-mb {arg(text)}` is not a valid budget",
+            hint=f"give megabytes per hour, {arg(MAX_MB):g} at most: `--max-mb 0.5`",
         )
     return round(float(text) * 1_000_000)

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.lte import judge
 from atlantis_netcfg.runs.report import page_frame
@@ -63,11 +64,11 @@ class BandScale:
     def words(self) -> Iterator[str]:
         """Yield the limits of each band as text."""
         best, last, unit = self.limits[0], self.limits[-1], self.unit
-        yield f"from {best:g} {unit}" if self.is_higher_better else f"up to {best:g} {unit}"
+        yield msg(f"from {arg(best):g} {arg(unit)}" if self.is_higher_better else f"up to {arg(best):g} {arg(unit)}")
         for first, second in pairwise(self.limits):
             low, high = sorted((first, second))
-            yield f"{low:g} to {high:g} {unit}"
-        yield f"below {last:g} {unit}" if self.is_higher_better else f"above {last:g} {unit}"
+            yield msg(f"{arg(low):g} to {arg(high):g} {arg(unit)}")
+        yield msg(f"below {arg(last):g} {arg(unit)}" if self.is_higher_better else f"above {arg(last):g} {arg(unit)}")
 
     def get_value(self, point: SurveyPoint) -> float | None:
         """Return the value of a point in the unit of the scale; None if missing."""
@@ -152,7 +153,9 @@ class MapFrame:
         most = (_WIDTH - 2 * _MARGIN) / 3 / self.per_metre
         power = 10.0 ** math.floor(math.log10(most))
         metres = next(step * power for step in (5, 2, 1) if step * power <= most)
-        return round(metres * self.per_metre, 1), f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"  # noqa: PLR2004 - from there on in km
+        return round(metres * self.per_metre, 1), msg(
+            f"{arg(metres / 1000):g} km" if metres >= 1000 else f"{arg(metres):g} m"  # noqa: PLR2004 - from there on in km
+        )
 
 
 def layers(survey: Survey, frame: MapFrame) -> tuple[ValueLayer, ...]:
@@ -167,10 +170,10 @@ def _scale_layer(survey: Survey, frame: MapFrame, scale: BandScale) -> ValueLaye
     marks = []
     for point in survey.placed_points:
         value = scale.get_value(point)
-        words = (
-            f"no value: {_missing_reason(point, scale.name)}"
+        words = msg(
+            f"no value: {arg(_missing_reason(point, scale.name))}"
             if value is None
-            else f"{value:.{scale.digits}f} {scale.unit}"
+            else f"{arg(value):.{scale.digits}f} {arg(scale.unit)}"
         )
         marks.append(_mark(frame, point, None if value is None else scale.band(value), words))
     return ValueLayer(scale.name, scale.title, tuple(marks), _legend(marks, [*scale.words()]))
@@ -181,9 +184,9 @@ def _category_layer(survey: Survey, frame: MapFrame, name: str, title: str) -> V
     marks = []
     for point in survey.placed_points:
         value = getattr(point, name)
-        words = f"no value: {_missing_reason(point, name)}" if value is None else str(value)
+        words = msg(f"no value: {arg(_missing_reason(point, name))}") if value is None else str(value)
         marks.append(_mark(frame, point, None if value is None else min(values.index(value), len(SHAPES) - 1), words))
-    names = values[: len(SHAPES) - 1] + ([", ".join(values[len(SHAPES) - 1 :])] if len(values) >= len(SHAPES) else [])
+    names = values[: len(SHAPES) - 1] + ([join(", ", values[len(SHAPES) - 1 :])] if len(values) >= len(SHAPES) else [])
     return ValueLayer(name, title, tuple(marks), _legend(marks, names))
 
 
@@ -240,18 +243,20 @@ def summary(survey: Survey) -> tuple[str, ...]:
     unproved_count = sum(point.sent is not None and point.carried_by is None for point in points)
     byte_count = sum(point.test_bytes for point in points)
     lines = [
-        f"{len(points)} points, {len(survey.placed_points)} of them with a position",
-        f"{levels} points with a level of the unit",
-        (
-            f"{test_count} tests over the link, {answer_count} of them with a response, {byte_count / 1000:.1f} kB "
-            "sent and received"
+        msg(f"{arg(len(points))} points, {arg(len(survey.placed_points))} of them with a position"),
+        msg(f"{arg(levels)} points with a level of the unit"),
+        msg(
+            f"{arg(test_count)} tests over the link, {arg(answer_count)} of them with a response, "
+            f"{arg(byte_count / 1000):.1f} kB sent and received"
         ),
     ]
     if unproved_count and not survey.header.emulated:
         lines.append(
-            f"for {unproved_count} tests it is not known which link carried them: the router did not report it"
+            msg(
+                f"for {arg(unproved_count)} tests it is not known which link carried them: the router did not report it"
+            )
         )
-    lines += [f"{count} points without a position: {reason}" for reason, count in count_unplaced(survey)]
+    lines += [msg(f"{arg(count)} points without a position: {arg(reason)}") for reason, count in count_unplaced(survey)]
     return (*lines, _ENDS[survey.reason])
 
 
@@ -270,16 +275,16 @@ def render_page(survey: Survey, coast: Coast | None = None) -> bytes:
         _environment(),
         "survey.html.j2",
         page_frame.PageHeader(
-            f"Coverage along a track: {header.title} ({header.site})",
-            f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
+            msg(f"Coverage along a track: {arg(header.title)} ({arg(header.site)})"),
+            msg(f"survey {arg(header.id)}, {arg(time_text(header.begun, header.time_zone))}"),
             _EMULATION if header.emulated else "",
         ),
-        source=f"link {header.link}, read from {header.unit}, positions from {header.positions_by}",
+        source=msg(f"link {arg(header.link)}, read from {arg(header.unit)}, positions from {arg(header.positions_by)}"),
         frame=frame,
         width=_WIDTH,
         layers=layers(survey, frame) if frame is not None else (),
         track=" ".join(f"{x},{y}" for x, y in (frame.to_sheet(*position) for position in positions)) if frame else "",
-        coast_words=None if coast is None else f"The coast line is that of {coast.name}",
+        coast_words=None if coast is None else msg(f"The coast line is that of {arg(coast.name)}"),
         coast_paths=coast_paths(coast, frame) if frame is not None else (),
         summary=summary(survey),
     )

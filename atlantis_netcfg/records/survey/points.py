@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TextIO
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -166,7 +167,7 @@ def read_survey(path: Path) -> Survey:
     """Read a survey file. Raises SurveyUnreadable (with line number) and OSError."""
     lines = [*_lines(path)]
     if not lines or not isinstance(lines[0], SurveyHeader):
-        raise SurveyUnreadable(f"{path}:1: this is not the start of a survey", hint=f"use a `{SURVEY_FILE}`")
+        raise SurveyUnreadable(f"{arg(path)}:1: this is not the start of a survey", hint=f"use a `{arg(SURVEY_FILE)}`")
     points = tuple(line for line in lines if isinstance(line, SurveyPoint))
     end = next((line for line in lines if isinstance(line, SurveyEnd)), None)
     return Survey(lines[0], points, end)
@@ -181,6 +182,6 @@ def _lines(path: Path) -> Iterator[SurveyHeader | SurveyPoint | SurveyEnd]:
                 yield _ADAPTER.validate_json(line)
             except ValidationError as error:
                 raise SurveyUnreadable(
-                    f"{path}:{number}: this line does not belong to a survey",
+                    f"{arg(path)}:{arg(number)}: this line does not belong to a survey",
                     hint="use the original file: it must not be edited",
                 ) from error

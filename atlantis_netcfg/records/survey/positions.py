@@ -23,6 +23,7 @@ from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, gpsd
 from atlantis_netcfg.checklist.probes.gps.judge import NULL_DEGREES, POOR_EPH_M, POOR_HDOP, distance_m
 from atlantis_netcfg.checklist.probes.gps.record import Nature
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -227,7 +228,7 @@ def parse_gpsd_address(text: str) -> tuple[str, int]:
     port = int(match["port"] or GPSD_PORT) if match is not None else 0
     if match is None or not 0 < port < 65536:  # noqa: PLR2004 - ports have 16 bits
         raise UsageError(
-            f"`gps={text}` is not a gpsd address",
+            f"`gps={arg(text)}` is not a gpsd address",
             hint="use `gps=gateway`, `gps=here`, or an address with or without its port: `gps=192.0.2.7:2947`",
         )
     return match["host"].strip("[]"), port

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, active_link
 from atlantis_netcfg.operations.common.costs import ways_of
@@ -36,19 +37,19 @@ BY_HAND = "`driver: manual`: check its own web page"
 def find_survey_link(inventory: Inventory, site: str, name: str | None) -> model.Link:
     """Return the site's 4G link of that name, or its only one. Raises UsageError."""
     links = {link.name: link for link in inventory.sites[site].bearers if link.kind is model.LinkKind.LTE}
-    choices = f"its 4G links: {', '.join(links)}" if links else "it has no 4G link"
+    choices = msg(f"its 4G links: {arg(join(', ', links))}" if links else "it has no 4G link")
     if name is None and len(links) == 1:
         return next(iter(links.values()))
     if name in links:
         return links[name]
     if name is None:
         raise errors.UsageError(
-            f"`{site}` does not have exactly one 4G link: {choices}", hint="say which one: `link=4g`"
+            f"`{arg(site)}` does not have exactly one 4G link: {arg(choices)}", hint="say which one: `link=4g`"
         )
     near = errors.nearest(name, links)
     raise errors.UsageError(
-        f"`link={name}` is not a 4G link of `{site}`: {choices}",
-        hint=f"did you mean `link={near}`?" if near else "a survey reads a 4G unit",
+        f"`link={arg(name)}` is not a 4G link of `{arg(site)}`: {arg(choices)}",
+        hint=f"did you mean `link={arg(near)}`?" if near else "a survey reads a 4G unit",
     )
 
 
@@ -57,7 +58,7 @@ def find_lte_unit(inventory: Inventory, link: model.Link) -> Host:
     host = inventory.hosts.get(link.device or "")
     if host is None or not isinstance(host.device, model.LteRouter):
         raise errors.UsageError(
-            f"link `{link.name}` has no 4G unit that can be read",
+            f"link `{arg(link.name)}` has no 4G unit that can be read",
             hint="add its 4G unit to the inventory, and set `device:` of the link (docs/4g.md)",
         )
     return host
@@ -110,7 +111,7 @@ def facts_of(sample: RadioSample) -> dict[str, str]:
     """Return the values reported by the unit as text, by label."""
     levels = (("RSRP", sample.rsrp_dbm, "dBm"), ("RSRQ", sample.rsrq_db, "dB"), ("SINR", sample.sinr_db, "dB"))
     words = {
-        "4G unit": f"not read: {sample.no_radio}" if sample.no_radio else None,
+        "4G unit": msg(f"not read: {arg(sample.no_radio)}") if sample.no_radio else None,
         "4G registration": None if sample.registration is None else sample.registration.replace("_", " "),
         "4G technology": sample.technology,
         "4G operator": sample.operator,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import __version__
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator import coverage
 from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
@@ -141,7 +142,7 @@ class SiteSurvey:
             return UdpTransport((address, port))
         except OSError as error:
             raise UsageError(
-                f"this computer has no route to the far end {address}: {error.strerror}",
+                f"this computer has no route to the far end {arg(address)}: {arg(error.strerror)}",
                 hint="connect it to the network of the site, or use `--radio-only`, which sends nothing",
             ) from error
 
@@ -166,12 +167,12 @@ class SiteSurvey:
         if self.gps == "gateway" or (self.gps is None and with_receiver):
             gateway = next(iter((*with_receiver, *gateways)), None)
             if gateway is None:
-                raise UsageError(f"`{self.site}` has no gateway", hint="use `gps=here`, or the address of a gpsd")
+                raise UsageError(f"`{arg(self.site)}` has no gateway", hint="use `gps=here`, or the address of a gpsd")
             words = [*ssh_command(computer_access(self.inventory, gateway, self.request))]
             forward = ["-W", f"127.0.0.1:{GPSD_PORT}"]
-            return GpsdSource(f"gpsd of {gateway.name}", command=[*words[:-1], *forward, words[-1]])
+            return GpsdSource(msg(f"gpsd of {arg(gateway.name)}"), command=[*words[:-1], *forward, words[-1]])
         address = ("127.0.0.1", GPSD_PORT) if self.gps in {None, "here"} else parse_gpsd_address(self.gps or "")
-        return GpsdSource(f"gpsd at {address[0]}:{address[1]}", address)
+        return GpsdSource(msg(f"gpsd at {arg(address[0])}:{arg(address[1])}"), address)
 
     def header(self, survey: measure.RunningSurvey, name: str) -> SurveyHeader:
         """Return the header line of the survey file."""

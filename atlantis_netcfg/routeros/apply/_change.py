@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import _types, api, pin, safe_mode, scheduler_jobs, snapshot
 from atlantis_netcfg.routeros.apply import _protection, _state
@@ -158,10 +159,15 @@ async def _arm(work: RunContext) -> None:
         work.dead_man = None
         if work.protection is not _protection.Protection.CONSOLE:
             raise
-        work.choice = _protection.ProtectionChoice(_protection.Protection.CONSOLE, None, f"no dead-man job: {problem}")
-        work.notes.append(f"no dead-man job: {problem}")
+        work.choice = _protection.ProtectionChoice(
+            _protection.Protection.CONSOLE, None, msg(f"no dead-man job: {arg(problem)}")
+        )
+        work.notes.append(msg(f"no dead-man job: {arg(problem)}"))
         return
-    work.say(Stage.PROTECTED, f"a dead-man job is armed: the device rolls everything back in {after_s / 60:.0f} min")
+    work.say(
+        Stage.PROTECTED,
+        msg(f"a dead-man job is armed: the device rolls everything back in {arg(after_s / 60):.0f} min"),
+    )
     if work.protection is _protection.Protection.DEAD_MAN:
         work.record(runs.ProtectionRecord(device=work.job.name, how=work.choice.value))
 
@@ -195,7 +201,7 @@ async def _recheck_state(work: RunContext) -> None:
     changed_menus = _state.differing_menus(work.observation, now, work.job.desired_state.run_time)
     if changed_menus:
         raise _protection.InterferenceError(
-            f"somebody else has changed the device since it was read ({', '.join(changed_menus[:_SHOWN_HANDS])})",
+            f"somebody else has changed the device since it was read ({arg(join(', ', changed_menus[:_SHOWN_HANDS]))})",
             hint="run the same command again: it computes a new plan from the current state",
         )
 
@@ -281,14 +287,19 @@ async def _send(
         work.note(runs.ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
         raise ActionError(write_result.refusal)
     work.record(runs.ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
-    work.say(Stage.APPLYING, f"{len(work.acknowledged_numbers)} of {len(work.aim.actions)} sent ({layers})")
+    work.say(
+        Stage.APPLYING,
+        msg(f"{arg(len(work.acknowledged_numbers))} of {arg(len(work.aim.actions))} sent ({arg(layers)})"),
+    )
     return write_result.beside
 
 
 def _lose_protection(work: RunContext, holder: safe_mode.Holder) -> safe_mode.ProtectionLost:
     work.holding = False
-    who = f"{holder.who} has taken over safe mode from us" if holder.is_taken else "we no longer hold safe mode"
-    return safe_mode.ProtectionLost(f"{who} in the middle of the change")
+    who = msg(
+        f"{arg(holder.who)} has taken over safe mode from us" if holder.is_taken else "we no longer hold safe mode"
+    )
+    return safe_mode.ProtectionLost(f"{arg(who)} in the middle of the change")
 
 
 async def _checkpoint(work: RunContext, holder: safe_mode.Holder | None) -> None:
@@ -321,7 +332,7 @@ async def _take_later(work: RunContext, current: safe_mode.SafeModeUnavailable) 
         )
     except VerificationError as changed:
         raise _protection.InterferenceError(
-            f"somebody else has changed the device between two parts of the change: {changed}"
+            f"somebody else has changed the device between two parts of the change: {arg(changed)}"
         ) from changed
 
 
@@ -344,10 +355,10 @@ async def _read_anew(work: RunContext) -> _types.Observation:
             return await _read(work, session)
         except api.SessionLost as lost:
             if clock() >= until:
-                raise VerificationError(f"no new session lasts long enough to read the device: {lost}") from lost
+                raise VerificationError(f"no new session lasts long enough to read the device: {arg(lost)}") from lost
             await asyncio.sleep(patience.first_poll_s)
         except DeviceError as failed:
-            raise VerificationError(f"cannot log in to the device again: {failed}", hint=failed.hint) from failed
+            raise VerificationError(f"cannot log in to the device again: {arg(failed)}", hint=failed.hint) from failed
 
 
 async def _read(work: RunContext, session: Channel) -> _types.Observation:
@@ -371,7 +382,7 @@ async def _wait_for_pin_result(work: RunContext, now: _types.Observation) -> _ty
     monitor = pin.monitor_of(now.rows.get(pin.LTE, ()))
     while pin.pending(work.job.desired_state, now):
         if clock() >= until:
-            raise VerificationError(f"the modem did not accept the PIN within {patience.modem_s:.0f} s")
+            raise VerificationError(f"the modem did not accept the PIN within {arg(patience.modem_s):.0f} s")
         await asyncio.sleep(patience.first_poll_s)
         now = replace(now, modem=modem_row(await work.channel.command(monitor)))
     return now
@@ -394,18 +405,20 @@ def _verify_against_plan(work: RunContext, now: _types.Observation, rest: Iterab
     try:
         second = plan(work.job.name, work.job.desired_state, now)
     except CannotPlan as problem:
-        raise VerificationError(f"no plan can be made for the state that was read back: {problem}") from problem
+        raise VerificationError(f"no plan can be made for the state that was read back: {arg(problem)}") from problem
     remaining_actions = Counter(map(_action_key, second.actions)) - Counter(map(_action_key, rest))
     if remaining_actions:
         names = [f"{verb} {subject}" for (_, verb, subject) in list(remaining_actions)[:_LIST_LIMIT]]
-        more = f" and {len(remaining_actions) - _LIST_LIMIT} more" if len(remaining_actions) > _LIST_LIMIT else ""
-        raise VerificationError(f"the device did not keep everything; still to do: {'; '.join(names)}{more}")
+        more = msg(
+            f" and {arg(len(remaining_actions) - _LIST_LIMIT)} more" if len(remaining_actions) > _LIST_LIMIT else ""
+        )
+        raise VerificationError(f"the device did not keep everything; still to do: {arg(join('; ', names))}{arg(more)}")
     unused_rows = [
         row for row in _state.find_invalid_rows(now) if row not in _state.find_invalid_rows(work.observation)
     ]
     if unused_rows:
         raise VerificationError(
-            f"the device accepted these rows but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
+            f"the device accepted these rows but does not use them: {arg(join('; ', unused_rows[:_LIST_LIMIT]))}"
         )
 
 
@@ -555,7 +568,7 @@ def _missing_policies(facts: _types.Facts, required_policies: Sequence[str]) -> 
         return
     lacking = [policy for policy in required_policies if policy not in facts.policies]
     if lacking:
-        yield f"our user lacks the permissions {', '.join(lacking)}: its group needs these policies"
+        yield msg(f"our user lacks the permissions {arg(join(', ', lacking))}: its group needs these policies")
 
 
 def _missing_certificates(plan: _types.Plan, observation: _types.Observation) -> Iterator[str]:
@@ -565,8 +578,11 @@ def _missing_certificates(plan: _types.Plan, observation: _types.Observation) ->
     for action in plan.actions:
         name = dict(action.values).get("certificate", "")
         if name not in _NO_CERTIFICATE and name not in there:
-            needs = f"{MENUS[action.menu].title} needs certificate {name}, which is not on the device"
-            yield f"{needs}: {_INSTALL.format(plan.device) if action.menu == _TUNNEL else 'import it first'}"
+            needs = msg(f"{arg(MENUS[action.menu].title)} needs certificate {arg(name)}, which is not on the device")
+            yield msg(
+                f"{arg(needs)}: "
+                f"{arg(msg(_INSTALL.format(arg(plan.device))) if action.menu == _TUNNEL else 'import it first')}"
+            )
 
 
 def _forbidden_features(plan: _types.Plan, facts: _types.Facts) -> Iterator[str]:
@@ -576,11 +592,14 @@ def _forbidden_features(plan: _types.Plan, facts: _types.Facts) -> Iterator[str]
             and action.verb is not _types.Verb.REMOVE
             and (why := scheduler_jobs.forbidden(facts))
         ):
-            yield f"{why}, so the job {action.subject} would never run: allow it with /system device-mode update"
+            yield msg(
+                f"{arg(why)}, so the job {arg(action.subject)} would never run: allow it with /system device-mode "
+                "update"
+            )
         feature = _FEATURES.get(action.menu)
         is_enabled = dict(action.values).get("enabled") in ("yes", "true")
         if feature is not None and is_enabled and facts.device_mode.get(feature) in ("false", "no"):
-            yield (
-                f"device-mode {facts.device_mode.get('mode', '')} forbids {feature}: allow it with"
-                f" /system device-mode update {feature}=yes and press the button"
+            yield msg(
+                f"device-mode {arg(facts.device_mode.get('mode', ''))} forbids {arg(feature)}: allow it with"
+                f" /system device-mode update {arg(feature)}=yes and press the button"
             )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.routeros import api, safe_mode
 from atlantis_netcfg.routeros.console import types
 
@@ -85,7 +86,7 @@ class ConsoleSafeMode(safe_mode.NoSafeMode):
             await in_thread(console.release_safe_mode)
         except DeviceError as failed:
             await self.drop()
-            raise safe_mode.ProtectionLost(f"safe mode could not be released: {failed}") from failed
+            raise safe_mode.ProtectionLost(f"safe mode could not be released: {arg(failed)}") from failed
         return await session.flight(witness) if witness else []
 
     async def unroll(self, session: Channel) -> None:  # noqa: ARG002

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import api
 from atlantis_netcfg.routeros.apply import _job
 from atlantis_netcfg.routeros.safe_mode import Holder, SafeMode
@@ -69,7 +70,7 @@ class Contact:
         """
         another = (api.CertificateMismatch, api.CertificateUnknown)
         final = another if insist else (*another, api.LoginError)
-        failure = DeviceError(f"no time left to wait for {self._job.name}")
+        failure = DeviceError(f"no time left to wait for {arg(self._job.name)}")
         for pause_s in self._pauses(patience_s):
             try:
                 return await self.open()
@@ -77,7 +78,7 @@ class Contact:
                 raise
             except DeviceError as failed:
                 failure = failed
-            self._say(f"{why}: waiting for a response")
+            self._say(msg(f"{arg(why)}: waiting for a response"))
             await asyncio.sleep(pause_s)
         raise failure
 
@@ -88,7 +89,7 @@ class Contact:
             holder = await safe_mode.free(session)
             if not holder.is_taken or holder.ours:
                 return holder
-            self._say(f"{holder.who} holds safe mode: waiting until it is released or undone")
+            self._say(msg(f"{arg(holder.who)} holds safe mode: waiting until it is released or undone"))
             await asyncio.sleep(pause_s)
         return holder
 
@@ -121,8 +122,10 @@ class Contact:
         self._endpoint = replace(self._endpoint, window=api.WINDOW)
         self._job.endpoint.on_window_shrink()
         self.notes.append(
-            f"the device stopped responding to more than {api.WINDOW} requests at once: they were repeated, with at "
-            f"most {api.WINDOW} at once from now on"
+            msg(
+                f"the device stopped responding to more than {arg(api.WINDOW)} requests at once: they were repeated, "
+                f"with at most {arg(api.WINDOW)} at once from now on"
+            )
         )
         self._say(self.notes[-1])
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import guard, link_use, planner, safe_mode, scheduler_jobs
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
@@ -95,16 +96,18 @@ def _as_declared_text(comparison: Comparison) -> str:
     hidden_secrets = [difference for difference in comparison.differences if difference.kind is DriftKind.HIDDEN]
     words = ["as in the inventory"]
     if beside:
-        words.append(f"{len(beside)} foreign row{'' if len(beside) == 1 else 's'} left unchanged")
+        words.append(msg(f"{arg(len(beside))} foreign row{'' if len(beside) == 1 else 's'} left unchanged"))
     if hidden_secrets:
-        words.append(f"{len(hidden_secrets)} secret{'' if len(hidden_secrets) == 1 else 's'} could not be compared")
-    return "; ".join(words)
+        words.append(
+            msg(f"{arg(len(hidden_secrets))} secret{'' if len(hidden_secrets) == 1 else 's'} could not be compared")
+        )
+    return join("; ", words)
 
 
 def _summary(comparison: Comparison) -> str:
     kinds = [difference.kind for difference in comparison.drift]
-    parts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds)
-    return f"{len(kinds)} difference{'' if len(kinds) == 1 else 's'} from the inventory: {parts}"
+    parts = join(", ", (f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds))
+    return msg(f"{arg(len(kinds))} difference{'' if len(kinds) == 1 else 's'} from the inventory: {arg(parts)}")
 
 
 _READING = (_job.JobMode.PLAN, _job.JobMode.DRIFT)
@@ -172,7 +175,9 @@ async def _run_guarded(work: _work.RunContext, mode: _job.JobMode) -> _job.Devic
         return work.result(_job.Status.REFUSED, str(refusal), hint=refusal.hint)
     except errors.NetcfgError as failure:
         if mode in _READING:
-            result = work.result(_job.Status.LEFT_AS_FOUND, f"could not be read: {failure}", hint=failure.hint)
+            result = work.result(
+                _job.Status.LEFT_AS_FOUND, msg(f"could not be read: {arg(failure)}"), hint=failure.hint
+            )
             return replace(result, was_reached=not isinstance(failure, Unreachable))
         return await settle(work, failure)
     except asyncio.CancelledError:
@@ -181,7 +186,7 @@ async def _run_guarded(work: _work.RunContext, mode: _job.JobMode) -> _job.Devic
         return replace(await settle(work, UserInterrupt("stopped by the user")), is_stopped=True)
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, the device must not stay between two states
         result = await settle(
-            work, errors.DeviceError(f"provision failed with an internal error ({type(fault).__name__})")
+            work, errors.DeviceError(f"provision failed with an internal error ({arg(type(fault).__name__)})")
         )
         exit_ = errors.ExitCode.UNKNOWN if result.status is _job.Status.UNKNOWN else errors.ExitCode.OUR_FAULT
         return replace(result, exit=exit_, fault=fault)
@@ -204,8 +209,10 @@ async def _run(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
 async def _report_only(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
     """Report what a run would do, or the drift, and any armed jobs or open changes."""
     await _plan(work, mode)
-    work.busy = "; ".join(work.leftovers.words())
-    work.notes += [f"{words}: changes made since then may still be rolled back" for words in work.leftovers.words()]
+    work.busy = join("; ", work.leftovers.words())
+    work.notes += [
+        msg(f"{arg(words)}: changes made since then may still be rolled back") for words in work.leftovers.words()
+    ]
     if mode is _job.JobMode.DRIFT:
         _cost_policy(work, mode)
         return await drift(work)
@@ -229,24 +236,26 @@ async def _clear_and_change(work: _work.RunContext, mode: _job.JobMode) -> _job.
         return await _change(work)
     if removed_items:
         work.after = work.observation
-        return work.result(_job.Status.CHANGED, f"as in the inventory; removed {' and '.join(removed_items)}")
+        return work.result(_job.Status.CHANGED, msg(f"as in the inventory; removed {arg(' and '.join(removed_items))}"))
     return work.result(_job.Status.UNCHANGED, "no changes needed")
 
 
 def _build_plan_result(work: _work.RunContext) -> _job.DeviceResult:
     """Report what a run would do; if somebody is working on the device, it would do nothing."""
-    words = "; ".join(work.leftovers.words())
+    words = join("; ", work.leftovers.words())
     if work.aim.actions:
-        return work.result(_job.Status.PLANNED, f"{_action_count_text(work)} planned")
+        return work.result(_job.Status.PLANNED, msg(f"{arg(_action_count_text(work))} planned"))
     if work.leftovers.safe_mode is not None:
-        return work.result(_job.Status.LEFT_AS_FOUND, f"nothing to change, but {words}", hint=_LET_THEM)
+        return work.result(_job.Status.LEFT_AS_FOUND, msg(f"nothing to change, but {arg(words)}"), hint=_LET_THEM)
     if words:
-        return work.result(_job.Status.PLANNED, f"nothing to change except what an earlier run has left: {words}")
+        return work.result(
+            _job.Status.PLANNED, msg(f"nothing to change except what an earlier run has left: {arg(words)}")
+        )
     return work.result(_job.Status.UNCHANGED, "no changes needed")
 
 
 async def _observe(work: _work.RunContext, mode: _job.JobMode) -> None:
-    work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
+    work.say(Stage.CONNECTING, msg(f"to {arg(work.job.endpoint)}"), work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
     if mode is _job.JobMode.RESUME:
         await _wait_for_undo(work)
@@ -304,7 +313,7 @@ async def _read(work: _work.RunContext) -> None:
             device=job.name, version=str(facts.version), identity=facts.identity, state=_state.digest(work.before)
         )
     )
-    work.say(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}")
+    work.say(Stage.OBSERVED, msg(f"{arg(facts.board)}, RouterOS {arg(facts.version)}"))
 
 
 async def _plan(work: _work.RunContext, mode: _job.JobMode) -> None:
@@ -322,7 +331,7 @@ async def _plan(work: _work.RunContext, mode: _job.JobMode) -> None:
     if job.link is not None:
         work.estimate = estimate(work.plan, job.link, work.observation)
     _protect(work)
-    unused_notes = [f"the device does not use {row}" for row in _state.find_invalid_rows(work.observation)]
+    unused_notes = [msg(f"the device does not use {arg(row)}") for row in _state.find_invalid_rows(work.observation)]
     work.notes += [note for note in unused_notes if note not in work.notes]
     work.say(Stage.PLANNED, f"{_action_count_text(work)}" if work.plan.actions else "nothing to change")
 
@@ -429,7 +438,9 @@ def _cost_policy(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResul
         work.say(Stage.PLANNED, note)
     if verdict.refusal is None:
         return None
-    return work.result(_job.Status.REFUSED, f"refused, nothing was changed: {verdict.refusal}", hint=verdict.hint)
+    return work.result(
+        _job.Status.REFUSED, msg(f"refused, nothing was changed: {arg(verdict.refusal)}"), hint=verdict.hint
+    )
 
 
 def _judge(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
@@ -447,11 +458,15 @@ def _judge(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | No
             reasons.append(_describe_no_protection(work))
             hint = _STAND_BY
     if reasons:
-        return work.result(_job.Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons), hint=hint)
+        return work.result(
+            _job.Status.REFUSED, msg("refused, nothing was changed: " + str(arg(join("; ", reasons)))), hint=hint
+        )
     if mode is _job.JobMode.PLAN:
         return None
     if apart := _work.find_missing_consent(work.job, current_plan):
-        return work.result(_job.Status.REFUSED, f"refused, nothing was changed: {apart}", hint=_work.AGREE_APART)
+        return work.result(
+            _job.Status.REFUSED, msg(f"refused, nothing was changed: {arg(apart)}"), hint=_work.AGREE_APART
+        )
     if work.job.agreed_hash is not None and work.job.agreed_hash != _state.plan_hash(current_plan):
         return work.result(
             _job.Status.REFUSED,
@@ -463,7 +478,9 @@ def _judge(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | No
 
 def _describe_no_protection(work: _work.RunContext) -> str:
     local = " and touches the management path" if guard.touches(work.aim, work.observation, _path(work)) else ""
-    return f"nothing would roll this change back if it failed: {work.choice.why}; it moves traffic{local}"
+    return msg(
+        f"nothing would roll this change back if it failed: {arg(work.choice.why)}; it moves traffic{arg(local)}"
+    )
 
 
 def _protect(work: _work.RunContext) -> None:
@@ -493,13 +510,13 @@ async def _refuse_if_busy(work: _work.RunContext, mode: _job.JobMode) -> _job.De
     resumes = mode is _job.JobMode.RESUME
     busy = await _busy(work, resumes=resumes)
     if busy is not None and not resumes and work.job.history.has_unfinished_run():
-        work.say(Stage.WAITING, f"{busy}: a run of this computer was interrupted here; this run continues it")
+        work.say(Stage.WAITING, msg(f"{arg(busy)}: a run of this computer was interrupted here; this run continues it"))
         await _wait_for_undo(work)
         await _read(work)
         busy = await _busy(work, resumes=True)
     work.busy = str(busy) if busy is not None else ""
     if busy is not None:
-        return work.result(_job.Status.LEFT_AS_FOUND, f"{busy}: nothing was changed", hint=busy.hint)
+        return work.result(_job.Status.LEFT_AS_FOUND, msg(f"{arg(busy)}: nothing was changed"), hint=busy.hint)
     work.sign = next((sign.id for sign in work.leftovers.markers), None)
     return None
 
@@ -515,17 +532,19 @@ async def _busy(work: _work.RunContext, *, resumes: bool) -> Busy | None:
         owner = holder.who if holder.is_taken else None
     if owner is not None:
         return Busy(
-            f"{owner} holds safe mode, which only one session can hold",
+            f"{arg(owner)} holds safe mode, which only one session can hold",
             hint=(
                 "let them finish, then run the same command again; the device undoes an interrupted run by itself, "
-                f"and this command waits for that:  {resume}"
+                f"and this command waits for that:  {arg(resume)}"
             ),
         )
     if other is not None:
         conflict = _state.claim_conflict(other, work.job.site)
         return Busy(str(conflict), hint=conflict.hint)
     if alive is not None and not resumes:
-        return Busy(alive, hint=f"let it run, then run the same command again; this command waits for it:  {resume}")
+        return Busy(
+            alive, hint=f"let it run, then run the same command again; this command waits for it:  {arg(resume)}"
+        )
     return None
 
 
@@ -564,12 +583,12 @@ async def _clear(work: _work.RunContext, mode: _job.JobMode) -> tuple[str, ...]:
     planned_before = _state.plan_hash(work.aim)
     removed_items = await leftovers.remove(work.channel)
     work.sign = None
-    work.notes.append(f"removed {' and '.join(removed_items)}")
+    work.notes.append(msg(f"removed {arg(' and '.join(removed_items))}"))
     await _read(work)
     await _plan(work, mode)
     if _state.plan_hash(work.aim) != planned_before:
         raise _protection.InterferenceError(
-            f"the device changed while {' and '.join(removed_items)} was being removed",
+            f"the device changed while {arg(' and '.join(removed_items))} was being removed",
             hint="run the same command again: it computes a new plan from the current state",
         )
     return removed_items
@@ -590,18 +609,18 @@ async def _change(work: _work.RunContext) -> _job.DeviceResult:
         )
     )
     await change(work)
-    return work.result(_job.Status.CHANGED, f"{_action_count_text(work)} applied and verified")
+    return work.result(_job.Status.CHANGED, msg(f"{arg(_action_count_text(work))} applied and verified"))
 
 
 async def _backup(work: _work.RunContext) -> _job.DeviceResult:
     """Save the device's own export; change nothing."""
-    work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
+    work.say(Stage.CONNECTING, msg(f"to {arg(work.job.endpoint)}"), work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
     saved_export = _state.parse_export(*await work.session.flight(_state.SAVING))
     text = saved_export.text if saved_export.text is not None else await _state.fetch(work.session)
     work.job.journal.save(work.job.name, text)
     lines = text.count("\n")
-    return work.result(_job.Status.UNCHANGED, f"{lines} lines saved, without secrets and users")
+    return work.result(_job.Status.UNCHANGED, msg(f"{arg(lines)} lines saved, without secrets and users"))
 
 
 def _action_count_text(work: _work.RunContext) -> str:

@@ -17,6 +17,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import safe_mode
 from atlantis_netcfg.routeros.scheduler_jobs import forbidden
 
@@ -66,14 +67,16 @@ class ProtectionChoice:
     @property
     def words(self) -> str:
         """The line of the plan, after `protection: `."""
-        minutes = "" if self.dead_man_s is None else f"{self.dead_man_s / 60:.0f} min"
+        minutes = msg("" if self.dead_man_s is None else f"{arg(self.dead_man_s / 60):.0f} min")
         line = {
             Protection.SAFE_MODE: "safe mode of the API session",
-            Protection.CONSOLE: "safe mode of an SSH session" + (f" and a dead-man job, {minutes}" if minutes else ""),
-            Protection.DEAD_MAN: f"a dead-man job, {minutes}",
+            Protection.CONSOLE: msg(
+                "safe mode of an SSH session" + (f" and a dead-man job, {arg(minutes)}" if minutes else "")
+            ),
+            Protection.DEAD_MAN: msg(f"a dead-man job, {arg(minutes)}"),
             Protection.NONE: "none",
         }[self.protection]
-        return f"{line} ({self.why})" if self.why else line
+        return msg(f"{arg(line)} ({arg(self.why)})") if self.why else line
 
 
 def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, seconds: float) -> ProtectionChoice:
@@ -90,10 +93,10 @@ def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, 
     if no_ssh is None:
         # Longer than a dead session keeps safe mode. Assumption: dead-man-after-silence
         both_s = None if no_job else job.patience.undo_s + wait_s
-        return ProtectionChoice(Protection.CONSOLE, both_s, f"no dead-man job: {no_job}" if no_job else "")
+        return ProtectionChoice(Protection.CONSOLE, both_s, msg(f"no dead-man job: {arg(no_job)}" if no_job else ""))
     if no_job is None:
-        return ProtectionChoice(Protection.DEAD_MAN, wait_s, f"no safe mode: {no_ssh}")
-    return ProtectionChoice(Protection.NONE, why=f"no safe mode: {no_ssh}; no dead-man job: {no_job}")
+        return ProtectionChoice(Protection.DEAD_MAN, wait_s, msg(f"no safe mode: {arg(no_ssh)}"))
+    return ProtectionChoice(Protection.NONE, why=msg(f"no safe mode: {arg(no_ssh)}; no dead-man job: {arg(no_job)}"))
 
 
 def _ssh_missing_reason(job: DeviceJob) -> str | None:

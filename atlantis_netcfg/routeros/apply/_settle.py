@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import api, scheduler_jobs
 from atlantis_netcfg.routeros._types import Observation, Verb
 from atlantis_netcfg.routeros.apply import _protection
@@ -36,15 +37,15 @@ async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
     if not work.has_sent_changes:
         free = await undo_safe_mode(work) and await _disarm_unused(work)
         hint = reason.hint if free else _resume_hint(work)
-        result = work.result(Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=hint)
+        result = work.result(Status.LEFT_AS_FOUND, msg(f"nothing was changed: {arg(reason)}"), hint=hint)
         return replace(result, left_open=not free, was_reached=not isinstance(reason, api.Unreachable))
     try:
         return await _read_back(work, reason)
     except NetcfgError as lost:
-        return _unknown_result(work, f"{reason}; then: {lost}")
+        return _unknown_result(work, msg(f"{arg(reason)}; then: {arg(lost)}"))
     except Exception as fault:  # noqa: BLE001 - a fault of ours in here must not hide that the device was changed
         unknown = _unknown_result(
-            work, f"{reason}; then provision failed with an internal error ({type(fault).__name__})"
+            work, msg(f"{arg(reason)}; then provision failed with an internal error ({arg(type(fault).__name__)})")
         )
         return replace(unknown, fault=fault)
 
@@ -131,17 +132,23 @@ async def _decide(work: RunContext, reason: NetcfgError) -> DeviceResult:
     if holder.is_taken:
         return _unknown_result(
             work,
-            f"{reason}; {holder.who} still holds safe mode, and the device differs in {_list_menus(changed_menus)}",
+            msg(
+                f"{arg(reason)}; {arg(holder.who)} still holds safe mode, and the device differs in "
+                f"{arg(_list_menus(changed_menus))}"
+            ),
         )
     if _is_declared(work, reason, now) and await _is_reachable(work):
         work.after = now
         return _finish_as_desired(work, reason)
     if isinstance(reason, _protection.InterferenceError) or _is_foreign(work, now):
         return _unknown_result(
-            work, f"{reason}; somebody else has changed {_list_menus(changed_menus)}, which was left unchanged"
+            work,
+            msg(
+                f"{arg(reason)}; somebody else has changed {arg(_list_menus(changed_menus))}, which was left unchanged"
+            ),
         )
     if work.restores:
-        return _unknown_result(work, f"{reason}; the device differs in {_list_menus(changed_menus)}")
+        return _unknown_result(work, msg(f"{arg(reason)}; the device differs in {arg(_list_menus(changed_menus))}"))
     return await _restore_state(work, reason, session, now)
 
 
@@ -208,28 +215,31 @@ def _finish_as_desired(work: RunContext, reason: NetcfgError) -> DeviceResult:
         runs.ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions))
     )
     return work.result(
-        Status.CHANGED, f"as in the inventory: {_count(work)} read back, although: {reason}", hint=reason.hint
+        Status.CHANGED,
+        msg(f"as in the inventory: {arg(_count(work))} read back, although: {arg(reason)}"),
+        hint=reason.hint,
     )
 
 
 def _rolled_back_result(work: RunContext, reason: NetcfgError, how: str = "rolled back") -> DeviceResult:
     work.note(runs.RollbackRecord(device=work.job.name, reason=work.clean(str(reason))))
-    return work.result(Status.ROLLED_BACK, f"{how}, the device is as before: {reason}", hint=reason.hint)
+    return work.result(Status.ROLLED_BACK, msg(f"{arg(how)}, the device is as before: {arg(reason)}"), hint=reason.hint)
 
 
 def _unknown_result(work: RunContext, message: str) -> DeviceResult:
-    return work.result(Status.UNKNOWN, f"outcome unknown: {message}", hint=_resume_hint(work))
+    return work.result(Status.UNKNOWN, msg(f"outcome unknown: {arg(message)}"), hint=_resume_hint(work))
 
 
 def _resume_hint(work: RunContext) -> str:
     if work.dead_man is not None:
-        what = (
-            f"the dead-man job rolls everything back within {work.dead_man.after_s / 60:.0f} minutes after it was armed"
+        what = msg(
+            f"the dead-man job rolls everything back within {arg(work.dead_man.after_s / 60):.0f} minutes after it was "
+            "armed"
         )
     else:
         what = "the device undoes changes in safe mode by itself, within ten minutes if the link is lost"
     run = f" run={work.job.run}" if work.job.run else ""
-    return f"{what}; then:  provision recover resume site={work.job.site}{run}"
+    return msg(f"{arg(what)}; then:  provision recover resume site={arg(work.job.site)}{arg(run)}")
 
 
 async def _restore_state(work: RunContext, reason: NetcfgError, session: Channel, now: Observation) -> DeviceResult:
@@ -250,7 +260,8 @@ async def _restore_state(work: RunContext, reason: NetcfgError, session: Channel
     different_menus = differing_menus(work.observation, inner.after or now)
     if different_menus:
         return _unknown_result(
-            work, f"{reason}; the old state was restored, but {_list_menus(different_menus)} still differ"
+            work,
+            msg(f"{arg(reason)}; the old state was restored, but {arg(_list_menus(different_menus))} still differ"),
         )
     return _rolled_back_result(work, reason, "restored by us")
 
@@ -265,14 +276,14 @@ async def _await_dead_man(work: RunContext, reason: NetcfgError, failure_message
         _, _, now = await _state(work)
         if not differing_menus(work.observation, now):
             return _rolled_back_result(work, reason, "rolled back by the dead-man job")
-    return _unknown_result(work, f"{reason}; restoring the old state failed: {failure_message}")
+    return _unknown_result(work, msg(f"{arg(reason)}; restoring the old state failed: {arg(failure_message)}"))
 
 
 def _list_menus(menus: tuple[str, ...]) -> str:
-    more = f" and {len(menus) - _LIST_LIMIT} more menus" if len(menus) > _LIST_LIMIT else ""
-    return ", ".join(menus[:_LIST_LIMIT]) + more
+    more = msg(f" and {arg(len(menus) - _LIST_LIMIT)} more menus" if len(menus) > _LIST_LIMIT else "")
+    return join(", ", menus[:_LIST_LIMIT]) + more
 
 
 def _count(work: RunContext) -> str:
     number = len(work.aim.actions)
-    return f"{number} action{'s' if number != 1 else ''}"
+    return msg(f"{arg(number)} action{'s' if number != 1 else ''}")

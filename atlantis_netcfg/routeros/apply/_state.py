@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros._items import DesiredState, RowItem, RunTime
 from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.apply import _writer
@@ -66,7 +67,7 @@ def plan_hash(plan: _types.Plan) -> str:
 def find_invalid_rows(observation: _types.Observation) -> tuple[str, ...]:
     """Return our rows that the device has accepted but does not use, with its reason if given."""
     return tuple(
-        f"{menu.name_of(row)} in {menu.title} ({row.get('.about') or 'invalid'})"
+        msg(f"{arg(menu.name_of(row))} in {arg(menu.title)} ({arg(row.get('.about') or 'invalid')})")
         for menu in map(MENUS.__getitem__, observation.rows)
         for row in observation.rows[menu.path]
         if menu.is_ours(row) and (row.get("invalid") in ("true", "yes") or row.get(".about", "").startswith("inactiv"))
@@ -187,7 +188,9 @@ class RunSigner:
         """Text of the marker: run id, user and address, and the attempt."""
         user = self.job.endpoint.user
         who = f"{user}@{self.address}" if self.address else user
-        return f"run {self.job.run} of {who} ({self.job.nonce})" if self.job.run else f"a run of {who}"
+        return msg(
+            f"run {arg(self.job.run)} of {arg(who)} ({arg(self.job.nonce)})" if self.job.run else f"a run of {arg(who)}"
+        )
 
     def other(self, candidates: Iterable[RunMarker]) -> RunMarker | None:
         """Return the marker of another run that may be active; dead runs that may be taken over are skipped."""
@@ -214,17 +217,17 @@ def find_markers(observation: _types.Observation) -> tuple[RunMarker, ...]:
 
 def claim_conflict(sign: RunMarker, site: str) -> ClaimConflict:
     """Return an error with the owner of the marker, its remaining time, and how to take it over."""
-    stays = f"within {sign.timeout}" if sign.timeout else "within half an hour"
-    over = (
-        f"; if that run was interrupted, take over:  provision recover resume site={site} run={sign.run}"
+    stays = msg(f"within {arg(sign.timeout)}" if sign.timeout else "within half an hour")
+    over = msg(
+        f"; if that run was interrupted, take over:  provision recover resume site={arg(site)} run={arg(sign.run)}"
         if sign.run
         else ""
     )
     return ClaimConflict(
-        f"{sign.text} is active on this device, or was interrupted there",
+        f"{arg(sign.text)} is active on this device, or was interrupted there",
         hint=(
             "wait until it has ended, then run the same command again: the marker of an interrupted run disappears "
-            f"by itself {stays}{over}"
+            f"by itself {arg(stays)}{arg(over)}"
         ),
     )
 
@@ -338,4 +341,4 @@ def _whole(text: str) -> str | None:
 
 
 def _export_error(words: str) -> DeviceError:
-    return DeviceError(f"cannot save the state before the change, so nothing is changed; the device says: {words}")
+    return DeviceError(f"cannot save the state before the change, so nothing is changed; the device says: {arg(words)}")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import DeviceError, fill_hint
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros import _types, drift, scheduler_jobs, snapshot
 from atlantis_netcfg.routeros.apply import _job
@@ -106,14 +107,18 @@ AGREE_APART = (
 
 def find_missing_consent(job: _job.DeviceJob, plan: _types.Plan) -> str:
     """Return why the plan needs a separate consent that was not given; empty if it may continue."""
-    return "" if job.remove_foreign or not plan.foreign_words else f"nobody has confirmed that it {plan.foreign_words}"
+    return msg(
+        ""
+        if job.remove_foreign or not plan.foreign_words
+        else f"nobody has confirmed that it {arg(plan.foreign_words)}"
+    )
 
 
 def number_of(plan: _types.Plan) -> str:
     """Return the size of a plan as text: actions, and rows if an action covers several."""
     number, rows = len(plan.actions), plan.weight
-    words = f"{number} action{'s' if number != 1 else ''}"
-    return words if rows == number else f"{words} on {rows} rows"
+    words = msg(f"{arg(number)} action{'s' if number != 1 else ''}")
+    return words if rows == number else msg(f"{arg(words)} on {arg(rows)} rows")
 
 
 def build_journal_action(action: _types.Action) -> runs.PlannedAction:
@@ -167,8 +172,8 @@ def _state(job: _job.DeviceJob, read: _types.Observation) -> str:
     try:
         return snapshot.write(job.name, job.desired_state, read)
     except Exception as fault:
-        why = f"provision failed with an internal error ({type(fault).__name__})"
-        raise runs.JournalError(f"the confirmed state cannot be written: {why}") from fault
+        why = msg(f"provision failed with an internal error ({arg(type(fault).__name__)})")
+        raise runs.JournalError(f"the confirmed state cannot be written: {arg(why)}") from fault
 
 
 IsOver = Callable[[str], bool]
@@ -207,10 +212,10 @@ class Leftovers:
 
     def _differences(self) -> Iterator[drift.Difference]:
         if self.safe_mode is not None:
-            words = f"{self.safe_mode} holds safe mode, which only one session can hold"
+            words = msg(f"{arg(self.safe_mode)} holds safe mode, which only one session can hold")
             yield _open_difference("/safe-mode", "safe mode", drift.Owner.SESSION, words)
         for sign in self.markers:
-            words = f"{sign.text} is active on this device, or was interrupted there"
+            words = msg(f"{arg(sign.text)} is active on this device, or was interrupted there")
             yield _open_difference("/ip firewall address-list", "atlantis-run", drift.Owner.RUN, words)
         for job in self.jobs:
             yield _open_difference("/system scheduler", job.name, drift.Owner.RUN, _describe_job(job))
@@ -238,8 +243,8 @@ class Leftovers:
             reply = reply if not reply.rows else await session.command(CLAIMS)
             if any(row.get(".id") in removed_ids for row in reply.rows):
                 raise DeviceError("the marker of a finished run cannot be removed")
-        jobs = (f"the job {job.name} of {job.owner}" for job in self.jobs)
-        return (*jobs, *(f"the marker of {sign.text}" for sign in self.markers))
+        jobs = (msg(f"the job {arg(job.name)} of {arg(job.owner)}") for job in self.jobs)
+        return (*jobs, *(msg(f"the marker of {arg(sign.text)}") for sign in self.markers))
 
 
 def find_leftovers(observation: _types.Observation) -> Leftovers:
@@ -250,7 +255,7 @@ def find_leftovers(observation: _types.Observation) -> Leftovers:
 
 
 def _describe_job(job: scheduler_jobs.ArmedJob) -> str:
-    return f"the job {job.name} of {job.owner} is armed, and {_WORDS[job.name]}"
+    return msg(f"the job {arg(job.name)} of {arg(job.owner)} is armed, and {arg(_WORDS[job.name])}")
 
 
 def _open_difference(menu: str, subject: str, owner: drift.Owner, words: str) -> drift.Difference:

@@ -15,6 +15,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import api
 from atlantis_netcfg.routeros._types import Action, Verb
 from atlantis_netcfg.routeros.apply import _scripts
@@ -138,5 +139,8 @@ def _culprit(turn: Sequence[Action], reply: api.Reply, acknowledged_count: int, 
 def _refusal(action: Action | None, words: str) -> str:
     text = words or "it stopped without a message"
     if action is None:
-        return f"the device says: {text}"
-    return f"the device refused to {action.verb.value} {action.subject} in {MENUS[action.menu].title}: {text}"
+        return msg(f"the device says: {arg(text)}")
+    return msg(
+        f"the device refused to {arg(action.verb.value)} {arg(action.subject)} in {arg(MENUS[action.menu].title)}: "
+        f"{arg(text)}"
+    )

@@ -22,6 +22,7 @@ from netmiko import NetmikoAuthenticationException, NetmikoTimeoutException
 from netmiko.mikrotik.mikrotik_ssh import MikrotikRouterOsSSH
 
 from atlantis_netcfg.core.errors import TRUST, NetcfgError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.console import types
 from atlantis_netcfg.routeros.console.terminal import Terminal
@@ -52,14 +53,19 @@ class PinnedKey(paramiko.MissingHostKeyPolicy):
         self.seen = fingerprint(key)
         if self._pin is None:
             raise types.UnknownHostKey(
-                f"{hostname}: unknown SSH host key; no password was sent; the device presented {self.seen}",
+                msg(
+                    f"{arg(hostname)}: unknown SSH host key; no password was sent; the device presented "
+                    f"{arg(self.seen)}"
+                ),
                 fingerprint=self.seen,
                 hint=TRUST,
             )
         if self._pin != self.seen:
             raise types.HostKeyMismatch(
-                f"{hostname}: the SSH host key is not the one of this device; pinned {self._pin}, presented "
-                f"{self.seen}",
+                msg(
+                    f"{arg(hostname)}: the SSH host key is not the one of this device; pinned {arg(self._pin)}, "
+                    f"presented {arg(self.seen)}"
+                ),
                 pinned_key=self._pin,
                 actual_key=self.seen,
                 hint=(
@@ -124,7 +130,7 @@ class TcpSocket(socket.socket):
         data = super().recv(size, flags)
         self.received_bytes += len(data)
         if self.received_bytes > _MOST:
-            raise OSError(errno.EMSGSIZE, f"more than {_MOST} bytes received")
+            raise OSError(errno.EMSGSIZE, msg(f"more than {arg(_MOST)} bytes received"))
         if data and self.tally is not None:
             self.tally.receive(len(data))
         return data
@@ -173,19 +179,19 @@ class SshWire:
 @contextlib.contextmanager
 def translate_errors(address: str, port: int) -> Iterator[None]:
     """Convert connection errors to our exceptions with a message for the user."""
-    where = f"{address} port {port}"
+    where = msg(f"{arg(address)} port {arg(port)}")
     try:
         yield
     except NetcfgError:
         raise
     except (NetmikoAuthenticationException, paramiko.AuthenticationException) as error:
         raise types.ConsoleLoginError(
-            f"{where}: the device did not accept the user name and password",
+            f"{arg(where)}: the device did not accept the user name and password",
             hint="the factory's password is on the sticker of newer devices, and empty on older ones",
         ) from error
     except (NetmikoTimeoutException, OSError, EOFError, paramiko.SSHException) as error:
         raise types.ConsoleUnreachable(
-            f"{where}: cannot open an SSH session ({type(error).__name__})",
+            f"{arg(where)}: cannot open an SSH session ({arg(type(error).__name__)})",
             hint="check that the laptop is plugged into the right port and has an address of that network",
         ) from error
 
@@ -301,7 +307,7 @@ class Commands:
 
     def _broken(self, why: str) -> types.ConsoleLost:
         return types.ConsoleLost(
-            f"{self._name}: the SSH session was lost ({why})",
+            msg(f"{arg(self._name)}: the SSH session was lost ({arg(why)})"),
             in_flight=True,
             hint="run the same command again: it first reads the state of the device",
         )
@@ -315,7 +321,9 @@ def open_commands(  # noqa: PLR0913 - all of it is one address
     Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyMismatch before the password is sent,
     ConsoleLoginError.
     """
-    return Commands(_connect_client(address, port, user, password, pin, timeout_s), f"{address} port {port}")
+    return Commands(
+        _connect_client(address, port, user, password, pin, timeout_s), msg(f"{arg(address)} port {arg(port)}")
+    )
 
 
 def _connect_client(  # noqa: PLR0913, PLR0917 - as above
@@ -391,7 +399,9 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
             sftp.putfo(file, name, size, progress, confirm=True)
     except (OSError, EOFError, paramiko.SSHException) as error:
         raise types.ConsoleLost(
-            f"{address} port {port}: {name} was not copied completely ({type(error).__name__})",
+            msg(
+                f"{arg(address)} port {arg(port)}: {arg(name)} was not copied completely ({arg(type(error).__name__)})"
+            ),
             in_flight=True,
             hint=(
                 "check for free space on the device, then run the same command again: the copy starts from the "

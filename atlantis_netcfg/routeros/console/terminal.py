@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import serial
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import MASK, Secret
 from atlantis_netcfg.routeros.console import types
 
@@ -208,7 +209,7 @@ class Terminal:
         elif _ENTER.search(tail) or _DEFAULTS.search(tail):
             self._answer(ENTER)
         elif re.search(r"login failed|^login:\s*$", tail, re.IGNORECASE | re.MULTILINE):
-            raise types.ConsoleLoginError(f"{self._name}: the device did not accept the user name and password")
+            raise types.ConsoleLoginError(f"{arg(self._name)}: the device did not accept the user name and password")
         return self._is_at_prompt()
 
     def _tail(self) -> str:
@@ -235,7 +236,9 @@ class Terminal:
         output = self._output(lines, mark if is_done else None)
         if not is_done:
             words = _mask_secrets(" ".join(output.split()), secrets) or "no response"
-            raise types.ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
+            raise types.ConsoleCommandError(
+                msg(f"{arg(self._name)}: the device refused a command: {arg(words)}"), words=words
+            )
         return output
 
     def ask(self, command: str, question: str, answer: str, *, timeout_s: float = types.COMMAND_S) -> None:
@@ -245,7 +248,9 @@ class Terminal:
         self._wait_until(lambda: question in self._tail() or self._quiet_prompt(), timeout_s, in_flight=False)
         if question not in self._tail():
             words = " ".join(self._output([line.rstrip() for line in self._screen.text()], None).split())
-            raise types.ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
+            raise types.ConsoleCommandError(
+                msg(f"{arg(self._name)}: the device refused a command: {arg(words)}"), words=words
+            )
         self._send(answer.encode(), in_flight=True)
 
     def rows(self, menu: str, *, where: str = "", timeout_s: float = types.COMMAND_S) -> list[dict[str, str]]:
@@ -301,7 +306,7 @@ class Terminal:
             self._answer(b"d")
             self._sync(_TAKEN_S, in_flight=False)
             raise types.SafeModeHeld(
-                f"{self._name}: somebody else holds safe mode on this device; nothing was changed",
+                f"{arg(self._name)}: somebody else holds safe mode on this device; nothing was changed",
                 hint="wait until that session has ended, then run the same command again",
             )
 
@@ -366,7 +371,9 @@ class Terminal:
             raise self._loss_error("the connection was lost", in_flight=in_flight) from error
         self._screen.feed(data)
         if self._screen.size > MOST:
-            raise self._loss_error(f"received more than {MOST} characters without an end", in_flight=in_flight)
+            raise self._loss_error(
+                msg(f"received more than {arg(MOST)} characters without an end"), in_flight=in_flight
+            )
         if self._screen.replies:
             replies, self._screen.replies = self._screen.replies, b""
             self._send(replies, in_flight=in_flight)
@@ -377,14 +384,14 @@ class Terminal:
         while not condition():
             remaining_s = deadline - time.monotonic()
             if remaining_s <= 0:
-                raise self._loss_error(f"no response within {timeout_s:.0f} s", in_flight=in_flight)
+                raise self._loss_error(msg(f"no response within {arg(timeout_s):.0f} s"), in_flight=in_flight)
             self._receive(remaining_s, in_flight=in_flight)
 
     def _loss_error(self, why: str, *, in_flight: bool) -> types.ConsoleLost:
         self._lost = True
         self._wire.close()
         return types.ConsoleLost(
-            f"{self._name}: {why}",
+            msg(f"{arg(self._name)}: {arg(why)}"),
             in_flight=in_flight,
             hint="unknown whether the last command was executed" if in_flight else None,
         )
@@ -452,7 +459,7 @@ def open_serial(
         port = serial.Serial(device_path, baud, timeout=1, write_timeout=timeout_s, exclusive=True)
     except (serial.SerialException, OSError, ValueError) as error:
         raise types.ConsoleUnreachable(
-            f"{device_path}: the serial line cannot be opened: {error.__class__.__name__}",
+            f"{arg(device_path)}: the serial line cannot be opened: {arg(error.__class__.__name__)}",
             hint=(
                 "check that the adapter is plugged in, that you may use it (group dialout), and that no other "
                 "program (minicom, screen) does"
@@ -466,7 +473,7 @@ def open_serial(
         terminal.settle(timeout_s)
     except types.WireLost as error:
         wire.close()
-        raise types.ConsoleLost(f"{device_path}: the serial line was lost", in_flight=False) from error
+        raise types.ConsoleLost(msg(f"{arg(device_path)}: the serial line was lost"), in_flight=False) from error
     except BaseException:
         wire.close()
         raise
@@ -492,7 +499,7 @@ class _Login:
             tail = self._tail()
             if _LOGIN_ERROR.search("\n".join(self.screen.text())) or _LOGIN.search(tail):
                 raise types.ConsoleLoginError(
-                    f"{self._name}: the device did not accept the user name and password",
+                    f"{arg(self._name)}: the device did not accept the user name and password",
                     hint="the factory's password is on the sticker of newer devices, and empty on older ones",
                 )
             if _LOGGED_IN.search(tail) or _QUESTION.search("\n".join(self.screen.text())):
@@ -537,14 +544,14 @@ class _Login:
     def _read(self, timeout_s: float = _NUDGE_S) -> bytes:
         if time.monotonic() > self._deadline:
             raise types.ConsoleUnreachable(
-                f"{self._name}: no RouterOS console responds on this line",
+                f"{arg(self._name)}: no RouterOS console responds on this line",
                 hint="check that the cable is in the console port, the device is on and the speed is right (115200)",
             )
         data = self._wire.read(timeout_s)
         self.screen.feed(data)
         if self.screen.size > MOST:
             raise types.ConsoleUnreachable(
-                f"{self._name}: the device on this line sends without an end: not a RouterOS console"
+                f"{arg(self._name)}: the device on this line sends without an end: not a RouterOS console"
             )
         return data
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors, events
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros.console import types
 from atlantis_netcfg.routeros.first_contact.steps import (
@@ -43,7 +44,7 @@ class PreflightError(errors.DeviceError):
     """The device cannot reach the desired state; nothing was changed. `errors` lists all reasons."""
 
     def __init__(self, objections: Sequence[Objection]) -> None:
-        super().__init__("; ".join(item.message for item in objections))
+        super().__init__(join("; ", (item.message for item in objections)))
         self.errors = tuple(errors.DeviceError(objection.message, hint=objection.hint) for objection in objections)
 
 
@@ -118,31 +119,46 @@ def _box(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]:
     model, board = (target.model or "").lower(), facts.board.lower()
     if model and board and model not in board and board not in model:
         yield Objection(
-            f"{target.name} is a {target.model} in the inventory, but this is a {facts.board} ({facts.architecture})",
+            msg(
+                f"{arg(target.name)} is a {arg(target.model)} in the inventory, but this is a {arg(facts.board)} "
+                f"({arg(facts.architecture)})"
+            ),
             "connect to the right device, or correct `model` in its host_vars file",
         )
     ports = {row.get("default-name") or row.get("name", "") for row in facts.ethernets}
     missing = [port for port in target.ports if port not in ports]
     if missing:
         yield Objection(
-            f"{target.name} has ports in the inventory that this {facts.board or 'box'} does not have: "
-            f"{', '.join(missing)}",
-            f"it has {', '.join(sorted(ports))}; correct `ports` in its host_vars file, or use the right device",
+            msg(
+                f"{arg(target.name)} has ports in the inventory that this {arg(facts.board or 'box')} does not have: "
+                f"{arg(join(', ', missing))}"
+            ),
+            msg(
+                f"it has {arg(join(', ', sorted(ports)))}; correct `ports` in its host_vars file, or use the right "
+                "device"
+            ),
         )
 
 
 def _software(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]:
     if facts.version < OLDEST:
         yield Objection(
-            f"RouterOS {facts.version} is too old: adoption needs {OLDEST} or later",
-            f"first upgrade it in Winbox (System > Packages) with the {facts.architecture} files of a newer version",
+            msg(f"RouterOS {arg(facts.version)} is too old: adoption needs {arg(OLDEST)} or later"),
+            msg(
+                f"first upgrade it in Winbox (System > Packages) with the {arg(facts.architecture)} files of a newer "
+                "version"
+            ),
         )
     if target.radio and facts.version >= _SPLIT and not set(_RADIO_PACKAGES) & set(facts.packages):
         yield Objection(
-            f"RouterOS {facts.version} on this {facts.board} has no package for its radio: since 7.13 `wireless` is "
-            "a separate package",
-            f"upload wireless-{facts.version}-{facts.architecture}.npk (or wifi-qcom, depending on its radio) in "
-            "Winbox (Files), reboot the device, then run this command again",
+            msg(
+                f"RouterOS {arg(facts.version)} on this {arg(facts.board)} has no package for its radio: since 7.13 "
+                "`wireless` is a separate package"
+            ),
+            msg(
+                f"upload wireless-{arg(facts.version)}-{arg(facts.architecture)}.npk (or wifi-qcom, depending on its "
+                "radio) in Winbox (Files), reboot the device, then run this command again"
+            ),
         )
 
 
@@ -155,21 +171,21 @@ def _device_mode(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]
     if mode.get("flagged") in ("true", "yes"):
         yield Objection(
             "device-mode has flagged this router: it suspects that somebody has tampered with its configuration",
-            f"review its configuration; then {_device_mode_hint('flagged=no')}",
+            msg(f"review its configuration; then {arg(_device_mode_hint('flagged=no'))}"),
         )
     if forbidden:
-        menus = ", ".join(f"{name} (for {target.features[name]})" for name in forbidden)
+        menus = join(", ", (msg(f"{arg(name)} (for {arg(target.features[name])})") for name in forbidden))
         yield Objection(
-            f"device-mode `{mode_name}` of this router forbids what {target.name} needs: {menus}",
+            msg(f"device-mode `{arg(mode_name)}` of this router forbids what {arg(target.name)} needs: {arg(menus)}"),
             _device_mode_hint(" ".join(f"{name}=yes" for name in forbidden)),
         )
 
 
 def _device_mode_hint(change: str) -> str:
-    return (
-        f"type on its console:  /system device-mode update {change} "
-        f"activation-timeout={ACTIVATION_MINUTES}m\nwithin {ACTIVATION_MINUTES} minutes press its reset or mode "
-        "button once, briefly, or unplug its power and plug it in again\nthe router restarts with the new mode; "
+    return msg(
+        f"type on its console:  /system device-mode update {arg(change)} "
+        f"activation-timeout={arg(ACTIVATION_MINUTES)}m\nwithin {arg(ACTIVATION_MINUTES)} minutes press its reset or "
+        "mode button once, briefly, or unplug its power and plug it in again\nthe router restarts with the new mode; "
         "then run this command again"
     )
 
@@ -181,13 +197,15 @@ def repeatable(target: AdoptionTarget) -> Iterator[None]:
         yield
     except types.ConsoleLost as lost:
         raise CutOff(
-            f"{target.name}: {lost}",
+            f"{arg(target.name)}: {arg(lost)}",
             hint="run the same command again: first contact continues where it stopped",
         ) from lost
     except types.HostKeyMismatch as changed:
         raise types.HostKeyMismatch(
-            f"{target.name}: the SSH host key is not the one pinned at first contact; pinned {changed.pinned_key}, "
-            f"presented {changed.actual_key}",
+            msg(
+                f"{arg(target.name)}: the SSH host key is not the one pinned at first contact; pinned "
+                f"{arg(changed.pinned_key)}, presented {arg(changed.actual_key)}"
+            ),
             pinned_key=changed.pinned_key,
             actual_key=changed.actual_key,
             hint=(
@@ -197,7 +215,7 @@ def repeatable(target: AdoptionTarget) -> Iterator[None]:
         ) from changed
     except types.SafeModeHeld as unavailable:
         raise errors.DeviceError(
-            f"{target.name}: somebody else holds safe mode on the device",
+            f"{arg(target.name)}: somebody else holds safe mode on the device",
             hint="a lost session releases it after about 9 minutes; then run the same command again",
         ) from unavailable
 
@@ -206,23 +224,23 @@ def cut_off(target: AdoptionTarget, step: AdoptionStep, error: types.ConsoleLost
     """Return the error for a connection lost in this step."""
     hint = "run the same command again: first contact continues where it stopped"
     if step.key == "management":
-        hint = (
-            f"if the laptop is plugged into {target.port}, use another port (not the first, which is for the "
+        hint = msg(
+            f"if the laptop is plugged into {arg(target.port)}, use another port (not the first, which is for the "
             "internet): this one is leaving the factory network. Wait up to 9 minutes until the router has undone "
             "the change, then run the same command again"
         )
-    return CutOff(f"{target.name}: connection lost at: {step.title} ({error})", hint=hint)
+    return CutOff(f"{arg(target.name)}: connection lost at: {arg(step.title)} ({arg(error)})", hint=hint)
 
 
 def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
     """Return the error that lists foreign configuration, and how to adopt the device nevertheless."""
     foreign_items = foreign(facts, target)
-    rest = f", and {len(foreign_items) - 5} more" if len(foreign_items) > 5 else ""  # noqa: PLR2004 - what a person takes in
+    rest = msg(f", and {arg(len(foreign_items) - 5)} more" if len(foreign_items) > 5 else "")  # noqa: PLR2004 - what a person takes in
     return NotFactoryFresh(
-        f"this device ({facts.board}) is not in its factory state, so it was not changed; it already has: "
-        f"{', '.join(foreign_items[:5])}{rest}",
+        f"this device ({arg(facts.board)}) is not in its factory state, so it was not changed; it already has: "
+        f"{arg(join(', ', foreign_items[:5]))}{arg(rest)}",
         hint=(
-            f"if it is to become {target.name}: the same command with --take-over saves its configuration first, "
+            f"if it is to become {arg(target.name)}: the same command with --take-over saves its configuration first, "
             "then continues"
         ),
     )
@@ -231,11 +249,11 @@ def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
 def still_to_move(target: AdoptionTarget, error: errors.NetcfgError) -> StillToMove:
     """Return the error that tells where to plug in the laptop."""
     return StillToMove(
-        f"no response from {target.host} ({error}); the router still has its default configuration and can be "
-        "reached at both addresses",
+        f"no response from {arg(target.host)} ({arg(error)}); the router still has its default configuration and can "
+        "be reached at both addresses",
         hint=(
-            f"plug the laptop into {target.port}, give it the address {target.laptop}, then run the same command "
-            "again: it continues from here"
+            f"plug the laptop into {arg(target.port)}, give it the address {arg(target.laptop)}, then run the same "
+            "command again: it continues from here"
         ),
     )
 
@@ -291,8 +309,8 @@ def safe(console: types.Console) -> Iterator[None]:
 
 
 _PAUSE_S = 0.5
-_STICKER = (
-    f"the password of {FACTORY_USER} is on the device's sticker, or empty on older devices; type it when "
+_STICKER = msg(
+    f"the password of {arg(FACTORY_USER)} is on the device's sticker, or empty on older devices; type it when "
     "asked, or pass a file with it: password-file=FILE\nif the password is unknown: hold the reset button "
     "while switching the power on until the light blinks, then release it"
 )
@@ -339,11 +357,13 @@ class FirstContact:
     def _adopt(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionOutcome:
         with self._console(None) as (console, route):
             facts, device_state = self._judge(console)
-            self._tell(events.Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {device_state}")
+            self._tell(
+                events.Stage.OBSERVED, msg(f"{arg(facts.board)}, RouterOS {arg(facts.version)}, {arg(device_state)}")
+            )
             if device_state is DeviceState.ADOPTED:
                 return self._already_adopted(console, facts)
             if not route.serial and not self._has_known_key:
-                self._tell(events.Stage.OBSERVED, f"its SSH host key is {self.routes.host_key}")
+                self._tell(events.Stage.OBSERVED, msg(f"its SSH host key is {arg(self.routes.host_key)}"))
             plan = AdoptionOutcome(AdoptionStatus.PLANNED, device_state, self._titles(facts), facts=facts)
             agree(plan)
             state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
@@ -415,7 +435,7 @@ class FirstContact:
         if has_pin and not first.serial:
             with suppress(types.ConsoleUnreachable, types.ConsoleLoginError):
                 return self._at_home(final), final
-        self._tell(events.Stage.CONNECTING, f"to {first.label}")
+        self._tell(events.Stage.CONNECTING, msg(f"to {arg(first.label)}"))
         try:
             return self._log_in(first, ours_first=has_pin), first
         except types.ConsoleUnreachable:
@@ -443,24 +463,24 @@ class FirstContact:
                 return route.open(FACTORY_USER, password)
         if not is_trusted:
             raise types.ConsoleLoginError(
-                f"{route.label}: the device does not accept {FACTORY_USER}; its SSH host key is unknown here, so the "
-                f"password of {self.target.user} was not tried",
+                f"{arg(route.label)}: the device does not accept {arg(FACTORY_USER)}; its SSH host key is unknown "
+                f"here, so the password of {arg(self.target.user)} was not tried",
                 hint=(
-                    f"if it was adopted on another computer: {errors.TRUST}, then run the same command "
-                    f"again\n{_STICKER}"
+                    f"if it was adopted on another computer: {arg(errors.TRUST)}, then run the same command "
+                    f"again\n{arg(_STICKER)}"
                 ),
             )
         try:
             return route.open(self.target.user, self.target.password)
         except types.ConsoleLoginError as failed:
             raise types.ConsoleLoginError(
-                f"{route.label}: the device accepts neither {FACTORY_USER} nor {self.target.user}",
+                f"{arg(route.label)}: the device accepts neither {arg(FACTORY_USER)} nor {arg(self.target.user)}",
                 hint=_STICKER,
             ) from failed
 
     def _let_in(self, route: ConsoleRoute) -> None:
         """Verify that our user can log in, before the factory user is disabled."""
-        self._tell(events.Stage.VERIFYING, f"user {self.target.user} logs in")
+        self._tell(events.Stage.VERIFYING, msg(f"user {arg(self.target.user)} logs in"))
         with self._console(route):
             return
 
@@ -486,7 +506,7 @@ class FirstContact:
 
     def _prove_route(self, route: ConsoleRoute, pin: str) -> None:
         if not route.serial:
-            self._tell(events.Stage.VERIFYING, f"api-ssl at {route.label}, in a new session")
+            self._tell(events.Stage.VERIFYING, msg(f"api-ssl at {arg(route.label)}, in a new session"))
             route.prove(pin)
 
     # --- trust -----------------------------------------------------------------------------------------------------
@@ -496,19 +516,19 @@ class FirstContact:
         key = self.routes.host_key
         if key is not None and self.pins.host_key(self.target.name) != key:
             self.pins.change_host_key(self.target.name, key)
-            self._tell(events.Stage.CONNECTING, f"its SSH host key is pinned: {key}")
+            self._tell(events.Stage.CONNECTING, msg(f"its SSH host key is pinned: {arg(key)}"))
 
     def _pin(self, console: types.Console) -> str:
         """Pin the certificate as printed on the console, never as shown by TLS."""
         pin = fingerprint(console, CERTIFICATE)
         if not pin:
             raise AdoptionIncomplete(
-                f"{self.target.name}: the device did not sign its certificate",
+                f"{arg(self.target.name)}: the device did not sign its certificate",
                 hint="run the same command again",
             )
         if self.pins.get(self.target.name) != pin:
             self.pins.change(self.target.name, pin)
-            self._tell(events.Stage.CONFIRMED, f"its certificate is pinned: SHA-256 {pin}")
+            self._tell(events.Stage.CONFIRMED, msg(f"its certificate is pinned: SHA-256 {arg(pin)}"))
         self.journal.write(runs.PinRecord(device=self.target.name, certificate=pin, host_key=self.routes.host_key))
         return pin
 
@@ -528,8 +548,10 @@ class FirstContact:
         self._try_route(route, pin, notes)
         self._tell(
             events.Stage.WAITING,
-            f"now plug the laptop into {self.target.port}, with address {self.target.laptop}: the router is at "
-            f"{self.target.host} from now on",
+            msg(
+                f"now plug the laptop into {arg(self.target.port)}, with address {arg(self.target.laptop)}: the router "
+                f"is at {arg(self.target.host)} from now on"
+            ),
             self.wait_s,
         )
         deadline = time.monotonic() + self.wait_s
@@ -547,7 +569,7 @@ class FirstContact:
         try:
             route.prove(pin)
         except errors.NetcfgError as error:
-            notes.append(f"api-ssl could not be tested at {route.label}: {error}")
+            notes.append(msg(f"api-ssl could not be tested at {arg(route.label)}: {arg(error)}"))
 
     def _from_afar(self, pin: str, notes: list[str]) -> None:
         """After a serial line, check whether the device is reachable over the network."""
@@ -557,17 +579,20 @@ class FirstContact:
             final.meet()
         except errors.NetcfgError:
             notes.append(
-                f"not verified, because the laptop is on the serial line: that {self.target.host} responds on "
-                f"{self.target.port}; plug into {self.target.port} with address {self.target.laptop}, and `provision "
-                "site=…` verifies it"
+                msg(
+                    f"not verified, because the laptop is on the serial line: that {arg(self.target.host)} responds on "
+                    f"{arg(self.target.port)}; plug into {arg(self.target.port)} with address "
+                    f"{arg(self.target.laptop)}, and `provision site=…` verifies it"
+                )
             )
         self._record_host_key()
 
     def _check_adoption(self, facts: BoxFacts) -> BoxFacts:
         if recognise(facts, self.target, self.now()) is not DeviceState.ADOPTED:
-            remaining_steps = ", ".join(self._titles(facts)) or "no known step"
+            remaining_steps = join(", ", self._titles(facts)) or "no known step"
             raise AdoptionIncomplete(
-                f"{self.target.name}: every command was accepted, but something is still to be done: {remaining_steps}",
+                f"{arg(self.target.name)}: every command was accepted, but something is still to be done: "
+                f"{arg(remaining_steps)}",
                 hint="run the same command again; if the result is the same, check the device with Winbox",
             )
         return facts

@@ -13,6 +13,7 @@ from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import rsc
 from atlantis_netcfg.routeros.console import types
@@ -185,7 +186,10 @@ def clear(facts: BoxFacts) -> tuple[AdoptionStep, ...]:
         return ()
     return (
         AdoptionStep(
-            "clear", f"remove the default configuration ({len(lines)} commands)", tuple(lines), is_guarded=True
+            "clear",
+            msg(f"remove the default configuration ({arg(len(lines))} commands)"),
+            tuple(lines),
+            is_guarded=True,
         ),
     )
 
@@ -213,7 +217,7 @@ def close_door(facts: BoxFacts, target: AdoptionTarget) -> tuple[AdoptionStep, .
     """Return the step that disables all users except ours."""
     names = factory_users(facts, target)
     lines = tuple(ConsoleLine(f"/user disable {rsc.quote(name)}") for name in names)
-    return (AdoptionStep("users", f"disable user {', '.join(names)}", lines),) if lines else ()
+    return (AdoptionStep("users", msg(f"disable user {arg(join(', ', names))}"), lines),) if lines else ()
 
 
 def factory_users(facts: BoxFacts, target: AdoptionTarget) -> list[str]:
@@ -228,7 +232,7 @@ def _clock(facts: BoxFacts, now: datetime) -> AdoptionStep | None:
         return None
     date = now.strftime("%Y-%m-%d") if facts.version >= Version(7, 10) else now.strftime("%b/%d/%Y").lower()
     line = ConsoleLine(f"/system clock set date={date} time={now:%H:%M:%S}")
-    return AdoptionStep("clock", f"set the clock ({date}, UTC)", (line,))
+    return AdoptionStep("clock", msg(f"set the clock ({arg(date)}, UTC)"), (line,))
 
 
 def _user(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
@@ -238,11 +242,11 @@ def _user(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
         line = ConsoleLine(
             f"/user add name={rsc.quote(target.user)} group=full {password} comment=atlantis", (target.password,)
         )
-        return AdoptionStep("user", f"add user {target.user} (group full)", (line,))
+        return AdoptionStep("user", msg(f"add user {arg(target.user)} (group full)"), (line,))
     if account.get("group") == "full" and account.get("disabled") not in _TRUE:
         return None
     line = ConsoleLine(f"/user set {rsc.quote(target.user)} group=full disabled=no {password}", (target.password,))
-    return AdoptionStep("user", f"enable user {target.user} (group full)", (line,))
+    return AdoptionStep("user", msg(f"enable user {arg(target.user)} (group full)"), (line,))
 
 
 def _certificate(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
@@ -255,9 +259,9 @@ def _certificate(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None
             f"/certificate add name={CERTIFICATE} common-name={rsc.quote(target.name)} subject-alt-name={names} "
             f"key-size={_KEY_SIZE} days-valid={_DAYS_VALID} key-usage={_USAGE}"
         )
-        return AdoptionStep("certificate", f"create certificate {CERTIFICATE} on the device", (add, sign))
+        return AdoptionStep("certificate", msg(f"create certificate {arg(CERTIFICATE)} on the device"), (add, sign))
     if not match.get("fingerprint"):
-        return AdoptionStep("certificate", f"sign certificate {CERTIFICATE} on the device", (sign,))
+        return AdoptionStep("certificate", msg(f"sign certificate {arg(CERTIFICATE)} on the device"), (sign,))
     return None
 
 
@@ -270,7 +274,7 @@ def _service(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     ):
         return None
     line = ConsoleLine(f"/ip service set api-ssl certificate={CERTIFICATE} disabled=no port={target.api_port}")
-    return AdoptionStep("api-ssl", f"api-ssl with that certificate on port {target.api_port}", (line,))
+    return AdoptionStep("api-ssl", msg(f"api-ssl with that certificate on port {arg(target.api_port)}"), (line,))
 
 
 def _port(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
@@ -286,7 +290,7 @@ def _port(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     if not there:
         value = f"address={target.address} interface={rsc.quote(name)}"
         lines.append(ConsoleLine(f"/ip address add {value} comment={rsc.quote(MARK)}"))
-    title = f"management address {target.address} on {target.port}"
+    title = msg(f"management address {arg(target.address)} on {arg(target.port)}")
     soon = tuple(replace(line, timeout_s=PORT_S) for line in lines)
     return AdoptionStep("management", title, soon, is_guarded=True) if lines else None
 
@@ -359,11 +363,11 @@ def foreign(facts: BoxFacts, target: AdoptionTarget) -> tuple[str, ...]:
     for statement in facts.export.statements:
         if is_foreign(statement):
             lines[statement.menu] = lines.get(statement.menu, 0) + 1
-    items = [f"{rsc.console_path(menu)} ({count})" for menu, count in lines.items()]
+    items = [msg(f"{arg(rsc.console_path(menu))} ({arg(count)})") for menu, count in lines.items()]
     users = [user.get("name", "") for user in facts.users if user.get("name") not in (FACTORY_USER, target.user)]
-    items += [f"user {name}" for name in users]
+    items += [msg(f"user {arg(name)}") for name in users]
     certificates = [certificate.get("name", "") for certificate in facts.certificates]
-    return (*items, *(f"certificate {name}" for name in certificates if name not in target.certificates))
+    return (*items, *(msg(f"certificate {arg(name)}") for name in certificates if name not in target.certificates))
 
 
 _NO_MENU = ("bad command name", "no such command", "expected end of command", "syntax error")
@@ -381,7 +385,7 @@ def look(console: types.Console) -> BoxFacts:
     try:
         export = rsc.parse(text, "the device's export")
     except rsc.RscError as error:
-        raise DeviceError(f"the device's export could not be read: {error}") from error
+        raise DeviceError(f"the device's export could not be read: {arg(error)}") from error
     return BoxFacts(
         version=version,
         board=resource.get("board-name", ""),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.guard import _access, _firewall, _link, _route
 from atlantis_netcfg.routeros.guard._access import touches_path
@@ -67,12 +68,12 @@ def objections(plan: _types.Plan, observation: _types.Observation, path: Managem
 
 def _with_current_names(reason: str, observation: _types.Observation, renamed_state: State) -> str:
     lines = [
-        f"{now['name']} is the port that is now called {row['name']}"
+        msg(f"{arg(now['name'])} is the port that is now called {arg(row['name'])}")
         for menu in INTERFACES
         for row, now in zip(observation.rows.get(menu, ()), renamed_state.all(menu), strict=True)
         if row.get("name") != now.get("name") and re.search(rf"(?<![\w-]){re.escape(now['name'])}(?![\w-])", reason)
     ]
-    return f"{reason} ({', '.join(lines)})" if lines else reason
+    return msg(f"{arg(reason)} ({arg(join(', ', lines))})") if lines else reason
 
 
 def touches(plan: _types.Plan, observation: _types.Observation, path: ManagementPath) -> bool:

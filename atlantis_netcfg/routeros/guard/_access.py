@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.guard import _firewall
 from atlantis_netcfg.routeros.guard._link import interfaces
@@ -37,23 +38,26 @@ def _service_harm(before: State, after: State) -> Iterator[str]:
         return
     text = f"/ip service: {path.service}, which this session uses,"
     if is_set(new, "disabled") and not is_set(old, "disabled"):
-        yield f"{text} would be disabled: leave it enabled"
+        yield msg(f"{arg(text)} would be disabled: leave it enabled")
     if _form("port", old) != _form("port", new):
-        yield (
-            f"{text} would move from port {old.get('port')} to {new.get('port')}: leave the port, or enter the new one "
-            f"in the inventory and change it on the router by hand"
+        yield msg(
+            f"{arg(text)} would move from port {arg(old.get('port'))} to {arg(new.get('port'))}: leave the port, or "
+            "enter the new one in the inventory and change it on the router by hand"
         )
     if _is_technician_admitted(old, before) and not _is_technician_admitted(new, after):
-        yield f"{text} would allow only {new.get('address')}, not you at {path.technician}: add your address"
+        yield msg(
+            f"{arg(text)} would allow only {arg(new.get('address'))}, not you at {arg(path.technician)}: add your "
+            "address"
+        )
     if _form("certificate", old) != _form("certificate", new):
-        yield (
-            f"{text} would change its certificate from {old.get('certificate', 'none')} to "
-            f"{new.get('certificate', 'none')}, and this computer would no longer recognise the router: keep it"
+        yield msg(
+            f"{arg(text)} would change its certificate from {arg(old.get('certificate', 'none'))} to "
+            f"{arg(new.get('certificate', 'none'))}, and this computer would no longer recognise the router: keep it"
         )
     if _form("vrf", old) != _form("vrf", new):
-        yield f"{text} would listen in {new.get('vrf')} only: leave vrf={old.get('vrf', 'main')}"
+        yield msg(f"{arg(text)} would listen in {arg(new.get('vrf'))} only: leave vrf={arg(old.get('vrf', 'main'))}")
     if int(new.get("max-sessions", "20")) < _ENOUGH_SESSIONS <= int(old.get("max-sessions", "20")):
-        yield f"{text} would allow only one session, but a change is verified in a second: raise max-sessions"
+        yield msg(f"{arg(text)} would allow only one session, but a change is verified in a second: raise max-sessions")
 
 
 def _form(name: str, row: _types.Row) -> str:

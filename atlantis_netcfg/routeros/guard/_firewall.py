@@ -13,6 +13,7 @@ from enum import IntEnum
 from ipaddress import IPv4Address, ip_network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros._types import Row, is_bare
 from atlantis_netcfg.routeros.guard._route import return_route
 from atlantis_netcfg.routeros.guard._state import State, is_set
@@ -281,7 +282,10 @@ def _harm_text(check: _PacketCheck, harm: _Harm) -> str:
     menu = MENUS[check.menu]
     may = "would" if harm.certain else "may"
     doubt = "" if harm.certain else " (it has conditions that cannot be evaluated here)"
-    return f"{menu.title}: the rule `{menu.name_of(harm.rule)}` {may} {check.words}{doubt}: {check.cure}"
+    return msg(
+        f"{arg(menu.title)}: the rule `{arg(menu.name_of(harm.rule))}` {arg(may)} {arg(check.words)}{arg(doubt)}: "
+        f"{arg(check.cure)}"
+    )
 
 
 def _find_harms(check: _PacketCheck, state: State) -> list[_Harm]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros.guard import _state
 from atlantis_netcfg.routeros.guard._route import return_route
 from atlantis_netcfg.routeros.menus import MENUS
@@ -73,9 +74,9 @@ def _ports(before: _state.State, after: _state.State, name: str) -> Iterator[str
     now = next((each for each in after.all(menu) if each.get(".id") == row.get(".id")), None)
     title = MENUS[menu].title
     if now is None:
-        yield f"{title}: {name}, which your session uses, would be removed: add it to the inventory"
+        yield msg(f"{arg(title)}: {arg(name)}, which your session uses, would be removed: add it to the inventory")
     elif _state.is_set(now, "disabled") and not _state.is_set(row, "disabled"):
-        yield f"{title}: {name}, which your session uses, would be disabled: leave it enabled"
+        yield msg(f"{arg(title)}: {arg(name)}, which your session uses, would be disabled: leave it enabled")
     elif (bridge := after.bridge_of(now.get("name", name))) and before.bridge_of(name) != bridge:
         yield from _check_bridge_join(before, after, name, bridge)
     else:
@@ -114,7 +115,7 @@ def _vlans(before: _state.State, after: _state.State) -> Iterator[str]:
             and not _state.is_set(row, "vlan-filtering")
         ):
             text = f"/interface bridge: {name}, by which you come, would begin to filter VLANs"
-            yield f"{text}: do that from another port"
+            yield msg(f"{arg(text)}: do that from another port")
 
 
 def _dhcp(before: _state.State, after: _state.State, row: Row) -> Iterator[str]:

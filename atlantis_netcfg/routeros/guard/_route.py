@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, ip_network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros.guard import _state
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -51,9 +52,9 @@ def objections(before: _state.State, after: _state.State) -> Iterator[str]:
             doubt for doubt in (*now.doubts, *then.doubts) if (doubt in then.doubts) != (doubt in now.doubts)
         ]
         rule, selectors = (changed_doubts or now.doubts)[0]
-        yield (
-            f"cannot tell whether routing rule `{rule}` with {selectors} applies to responses to you at "
-            f"{before.path.technician}: leave such rules unchanged, or change them by hand"
+        yield msg(
+            f"cannot tell whether routing rule `{arg(rule)}` with {arg(selectors)} applies to responses to you at "
+            f"{arg(before.path.technician)}: leave such rules unchanged, or change them by hand"
         )
         return
     for old, new in zip(then.ways, now.ways, strict=True):
@@ -67,13 +68,13 @@ def _objection(old: RouteDecision, new: RouteDecision, technician: str) -> str |
     if not old.has_route or old.to == new.to or (old.is_connected and new.is_connected and old.to < new.to):
         return None
     if not new.has_route:
-        return (
-            f"responses to you at {technician} take {old.words}; after this change {new.words}: keep that route "
-            "or address"
+        return msg(
+            f"responses to you at {arg(technician)} take {arg(old.words)}; after this change {arg(new.words)}: keep "
+            "that route or address"
         )
-    return (
-        f"responses to you at {technician} take {old.words}, and would take {new.words}: keep the old path until "
-        "you connect over the new one"
+    return msg(
+        f"responses to you at {arg(technician)} take {arg(old.words)}, and would take {arg(new.words)}: keep the old "
+        "path until you connect over the new one"
     )
 
 
@@ -144,11 +145,11 @@ def _by_rule(rule: Row, state: _state.State) -> RouteDecision | None:
     action = rule.get("action", "lookup")
     name = MENUS["/routing/rule"].name_of(rule)
     if action in ("drop", "unreachable"):
-        return RouteDecision(f"the routing rule `{name}` blocks them")
+        return RouteDecision(msg(f"the routing rule `{arg(name)}` blocks them"))
     limit = rule.get("min-prefix", "")
     way = _lookup(state, rule.get("table", "main"), state.technician, int(limit) if limit.isdecimal() else _NO_LIMIT)
     if way is None and action == "lookup-only-in-table":
-        return RouteDecision(f"the routing rule `{name}` finds no route for them")
+        return RouteDecision(msg(f"the routing rule `{arg(name)}` finds no route for them"))
     return way
 
 
@@ -164,15 +165,17 @@ def _lookup(
     if best_routes[0].interface is not None:
         network, interface = best_routes[0].network, best_routes[0].interface
         ports = state.ports(interface) or frozenset({interface})
-        return RouteDecision(f"{network} on {interface}", ports, interface, is_connected=True)
+        return RouteDecision(msg(f"{arg(network)} on {arg(interface)}"), ports, interface, is_connected=True)
     name = MENUS["/ip/route"].name_of(best_routes[0].row)
     if any(each.row.get("blackhole", "no") not in ("no", "false") for each in best_routes):
-        return RouteDecision(f"the route {name} drops them")
+        return RouteDecision(msg(f"the route {arg(name)} drops them"))
     gateways = frozenset(
         gateway for each in best_routes for gateway in each.row.get("gateway", "").split(",") if gateway
     )
     return RouteDecision(
-        f"the route {name}", frozenset(_gateway(state, each) for each in gateways), _leaving(state, gateways, depth)
+        msg(f"the route {arg(name)}"),
+        frozenset(_gateway(state, each) for each in gateways),
+        _leaving(state, gateways, depth),
     )
 
 

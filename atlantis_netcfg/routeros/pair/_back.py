@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import apply, scheduler_jobs
 from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply._state import restore_target
@@ -102,7 +103,11 @@ class _WayBack:
             return self._untouched_result(far)
         clock = asyncio.get_running_loop().time
         patience_s = max(0.0, work.fires - clock()) + far.job.patience.reach_s
-        far.say(Stage.WAITING, f"it rolls back by itself within {max(0.0, work.fires - clock()):.0f} s", patience_s)
+        far.say(
+            Stage.WAITING,
+            msg(f"it rolls back by itself within {arg(max(0.0, work.fires - clock())):.0f} s"),
+            patience_s,
+        )
         outcome = await self._wait_until_settled(far, patience_s, returning=True)
         if outcome is None:
             return self._unknown_result(far)
@@ -115,7 +120,7 @@ class _WayBack:
     async def _forward(self) -> tuple[apply.DeviceResult, apply.DeviceResult]:
         """Make sure that the far end keeps its change, as the near end's change is permanent."""
         near, far = self.work.near, self.work.far
-        words = f"as in the inventory: {len(near.actions)} actions read back, although: {self.reason}"
+        words = msg(f"as in the inventory: {arg(len(near.actions))} actions read back, although: {arg(self.reason)}")
         outcome = await self._wait_until_settled(far, self.work.pair.link_timeout_s + far.job.patience.reach_s)
         if outcome is not None and await self._is_declared(far, outcome[0]):
             if not await self._defuse_far(outcome[0]):
@@ -220,23 +225,25 @@ class _WayBack:
             session = await far.contact.reach(_QUICK_S, "removing its job")
             await self.work.defuse(session)
         except DeviceError:
-            far.notes.append(f"its scheduler job {scheduler_jobs.PAIR} is still there, and disappears after it has run")
+            far.notes.append(
+                msg(f"its scheduler job {arg(scheduler_jobs.PAIR)} is still there, and disappears after it has run")
+            )
 
     def _untouched_result(self, end: End) -> apply.DeviceResult:
         if not end.actions:
             return end.report_unchanged()
         hint = getattr(self.reason, "hint", None)
-        result = end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=hint)
+        result = end.result(apply.Status.LEFT_AS_FOUND, msg(f"nothing was changed: {arg(self.reason)}"), hint=hint)
         return replace(result, was_reached=not isinstance(self.reason, Unreachable))
 
     def _unknown_result(self, end: End) -> apply.DeviceResult:
         site = self.work.near.job.site  # the one that was asked for; from there both ends are reached
         return end.result(
             apply.Status.UNKNOWN,
-            f"the outcome is unknown: {self.reason}",
-            hint=(
+            msg(f"the outcome is unknown: {arg(self.reason)}"),
+            hint=msg(
                 "each end rolls back by itself what was not kept, within ten minutes if its link is lost; then:  "
-                f"`provision recover resume site={site}`"
+                f"`provision recover resume site={arg(site)}`"
             ),
         )
 
@@ -265,12 +272,12 @@ async def clear(work: Transaction, mode: apply.JobMode) -> BackResults | None:
             current = await ApiSafeMode().look(end.channel)
             if current.is_taken:
                 return _build_stop_results(
-                    work, f"{end.name}: {current.who} holds safe mode, which only one session can hold"
+                    work, msg(f"{arg(end.name)}: {arg(current.who)} holds safe mode, which only one session can hold")
                 )
         for end in work.ends:
             if end.leftovers:
                 end.removed_items = await end.leftovers.remove(end.channel)
-                end.notes.append(f"removed {' and '.join(end.removed_items)}")
+                end.notes.append(msg(f"removed {arg(' and '.join(end.removed_items))}"))
     except DeviceError as failure:
         return _build_stop_results(work, str(failure))
     return await read_again(work) or _stopped_if(work, _in_use(work, mode))
@@ -297,12 +304,14 @@ def _in_use(work: Transaction, mode: apply.JobMode) -> str:
     for end in work.ends:
         other = end.signer.other(end.leftovers.markers)
         if end.leftovers.safe_mode is not None:
-            return f"{end.name}: {end.leftovers.safe_mode} holds safe mode, which only one session can hold"
+            return msg(
+                f"{arg(end.name)}: {arg(end.leftovers.safe_mode)} holds safe mode, which only one session can hold"
+            )
         if other is not None:
-            return f"{end.name}: {other.text} is active on this device, or was interrupted there"
+            return msg(f"{arg(end.name)}: {arg(other.text)} is active on this device, or was interrupted there")
         alive = end.leftovers.alive(end.signer.is_over)
         if alive is not None and mode is not apply.JobMode.RESUME and not is_as_desired:
-            return f"{end.name}: {alive}"
+            return msg(f"{arg(end.name)}: {arg(alive)}")
     return ""
 
 
@@ -334,8 +343,8 @@ async def read_again(work: Transaction) -> BackResults | None:
         return None
     site = work.near.job.site
     return (
-        near or _left_between(work.near, site, f"{work.far.name} is not ready"),
-        far or _left_between(work.far, site, f"{work.near.name} is not ready"),
+        near or _left_between(work.near, site, msg(f"{arg(work.far.name)} is not ready")),
+        far or _left_between(work.far, site, msg(f"{arg(work.near.name)} is not ready")),
     )
 
 
@@ -349,8 +358,8 @@ def _build_stop_results(work: Transaction, why: str) -> BackResults:
 
 def _left_between(end: End, site: str, why: str) -> apply.DeviceResult:
     """Return a result without changes; `site` is the requested site, from which both ends are reachable."""
-    hint = (
+    hint = msg(
         "let them finish, then run the same command again; if a run of ours was interrupted there:  `provision "
-        f"recover resume site={site}`"
+        f"recover resume site={arg(site)}`"
     )
-    return end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {why}", hint=hint)
+    return end.result(apply.Status.LEFT_AS_FOUND, msg(f"nothing was changed: {arg(why)}"), hint=hint)

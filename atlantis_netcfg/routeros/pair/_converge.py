@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import apply
 from atlantis_netcfg.routeros.api import Traffic
 from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop
@@ -25,14 +26,19 @@ from atlantis_netcfg.routeros.safe_mode import BUDGET, DEAD_SESSION_S
 async def follow(work: Transaction) -> apply.DeviceResult | None:
     """Change the near end to match the far end; return None if kept, else the result."""
     near, far = work.near, work.far
-    near.say(Stage.WAITING, f"{far.name} cannot be reached: {near.name} is changed to match the inventory, too")
+    near.say(
+        Stage.WAITING,
+        msg(f"{arg(far.name)} cannot be reached: {arg(near.name)} is changed to match the inventory, too"),
+    )
     try:
         await work.protect_near()
         await work.change_near()
         far.session = await far.contact.reach(work.pair.link_timeout_s, "after changing the near end")
         await work.release(near, near.channel)
     except errors.NetcfgError as failure:
-        return await _back(work, f"{far.name} did not respond after {near.name} was changed to match it: {failure}")
+        return await _back(
+            work, msg(f"{arg(far.name)} did not respond after {arg(near.name)} was changed to match it: {arg(failure)}")
+        )
     return None
 
 
@@ -44,9 +50,11 @@ async def _back(work: Transaction, why: str) -> apply.DeviceResult:
         await SAFE_MODE.unroll(session)
         different_menus = near.same(await near.reread(session))
     except errors.NetcfgError as lost:
-        return near.result(apply.Status.UNKNOWN, f"outcome unknown: {why}; then: {lost}")
+        return near.result(apply.Status.UNKNOWN, msg(f"outcome unknown: {arg(why)}; then: {arg(lost)}"))
     if different_menus:
-        return near.result(apply.Status.UNKNOWN, f"outcome unknown: {why}; differences in {', '.join(different_menus)}")
+        return near.result(
+            apply.Status.UNKNOWN, msg(f"outcome unknown: {arg(why)}; differences in {arg(join(', ', different_menus))}")
+        )
     return near.rolled_back(why)
 
 
@@ -159,23 +167,23 @@ async def _one_by_one(pair: Pair, mode: apply.JobMode, work: Transaction | None 
 def _add_notes(work: Transaction, end: End, result: apply.DeviceResult) -> apply.DeviceResult:
     """Add the pair's notes to the result of an end that was run alone."""
     notes = [_pair_notice(work.pair)] if any(each.changes_radio for each in work.ends) else []
-    notes += [f"removed {what}" for what in end.removed_items]
+    notes += [msg(f"removed {arg(what)}") for what in end.removed_items]
     return replace(result, notes=(*result.notes, *notes))
 
 
 def _single_end_notice(pair: Pair) -> str:
-    return (
-        f"the radio of {pair.near.name} was off and {pair.far.name} cannot be reached: only {pair.near.name} is "
-        f"changed. After {pair.far.name} has been set up over its own cable, run this again: only then is the "
-        "bridge verified"
+    return msg(
+        f"the radio of {arg(pair.near.name)} was off and {arg(pair.far.name)} cannot be reached: only "
+        f"{arg(pair.near.name)} is changed. After {arg(pair.far.name)} has been set up over its own cable, run this "
+        "again: only then is the bridge verified"
     )
 
 
 def _pair_notice(pair: Pair) -> str:
-    return (
-        f"{pair.name} change together, far end first; if the link is not back within {pair.link_timeout_s:.0f} s "
-        "both roll back by themselves (where the far end's scheduler may not run, within "
-        f"{DEAD_SESSION_S / 60:.0f} min)"
+    return msg(
+        f"{arg(pair.name)} change together, far end first; if the link is not back within "
+        f"{arg(pair.link_timeout_s):.0f} s both roll back by themselves (where the far end's scheduler may not run, "
+        f"within {arg(DEAD_SESSION_S / 60):.0f} min)"
     )
 
 
@@ -195,7 +203,7 @@ async def _run(work: Transaction, mode: apply.JobMode) -> Results | None:
         return None
     refusal = _refusal(work, mode)
     if refusal:
-        text = f"refused, nothing was changed: {refusal}"
+        text = msg(f"refused, nothing was changed: {arg(refusal)}")
         near, far = (end.result(apply.Status.REFUSED, text, hint=end.hint()) for end in (work.near, work.far))
         return near, far
     return None if mode is apply.JobMode.PLAN else await _run_forward(work)
@@ -220,8 +228,8 @@ async def _read(work: Transaction, mode: apply.JobMode) -> Results | None:
     if mode is apply.JobMode.RESUME and near is None and far is not None and work.near.changes_radio:
         return await _handle_unreachable_far(work, far)
     return (
-        near or _unchanged_result(work.near, f"cannot read its other end {work.far.name}"),
-        far or _unchanged_result(work.far, f"cannot read its other end {work.near.name}"),
+        near or _unchanged_result(work.near, msg(f"cannot read its other end {arg(work.far.name)}")),
+        far or _unchanged_result(work.far, msg(f"cannot read its other end {arg(work.near.name)}")),
     )
 
 
@@ -234,10 +242,10 @@ def _is_new(near: End, far: apply.DeviceResult) -> bool:
 async def _handle_unreachable_far(work: Transaction, far_result: apply.DeviceResult) -> Results:
     """Handle an unreachable far end, which may have been kept alone: follow it, then continue with both."""
     near = work.near
-    refusal = "; ".join(near.refusals())
+    refusal = join("; ", near.refusals())
     if refusal:
         return near.result(
-            apply.Status.REFUSED, f"refused, nothing was changed: {refusal}", hint=near.hint()
+            apply.Status.REFUSED, msg(f"refused, nothing was changed: {arg(refusal)}"), hint=near.hint()
         ), far_result
     failure = await follow(work)
     if failure is not None:
@@ -253,24 +261,27 @@ async def _handle_unreachable_far(work: Transaction, far_result: apply.DeviceRes
 
 def _unchanged_result(end: End, why: str) -> apply.DeviceResult:
     if end.leftovers:
-        why = "; ".join((why, *end.leftovers.words()))
+        why = join("; ", (why, *end.leftovers.words()))
     elif not end.actions:
         return end.report_unchanged()
-    return end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {why}")
+    return end.result(apply.Status.LEFT_AS_FOUND, msg(f"nothing was changed: {arg(why)}"))
 
 
 def _refusal(work: Transaction, mode: apply.JobMode) -> str:
     names = (work.near.name, work.far.name)
     conflicts = disagreements(work.near.radio(after=True), work.far.radio(after=True), names)
-    reasons = [f"the two ends would not connect: {'; '.join(conflicts)}"] if conflicts else []
+    reasons = [msg(f"the two ends would not connect: {arg(join('; ', conflicts))}")] if conflicts else []
     if mode is not apply.JobMode.PLAN:
-        reasons += [f"{end.name}: {why}" for end in work.ends for why in end.refusals()]
+        reasons += [msg(f"{arg(end.name)}: {arg(why)}") for end in work.ends for why in end.refusals()]
     reasons += [
-        f"{end.name}: {end.plan.weight} rows change, but safe mode can undo only {BUDGET}: make the change in two steps"
+        msg(
+            f"{arg(end.name)}: {arg(end.plan.weight)} rows change, but safe mode can undo only {arg(BUDGET)}: make the "
+            "change in two steps"
+        )
         for end in work.ends
         if end.plan is not None and end.plan.weight > BUDGET
     ]
-    return "; ".join(reasons)
+    return join("; ", reasons)
 
 
 async def _run_forward(work: Transaction) -> Results:
@@ -285,7 +296,7 @@ async def _run_forward(work: Transaction) -> Results:
         return await roll_back(work, errors.DeviceError("stopped by the user"))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
         near, far = await roll_back(
-            work, errors.DeviceError(f"provision failed with an internal error ({type(fault).__name__})")
+            work, errors.DeviceError(f"provision failed with an internal error ({arg(type(fault).__name__)})")
         )
         return _mark_as_our_fault(near, fault), _mark_as_our_fault(far, fault)
     return _success_result(work.near), _success_result(work.far)
@@ -294,7 +305,7 @@ async def _run_forward(work: Transaction) -> Results:
 def _success_result(end: End) -> apply.DeviceResult:
     number = len(end.actions)
     return (
-        end.confirm(f"{number} action{'s' if number != 1 else ''} applied and verified")
+        end.confirm(msg(f"{arg(number)} action{'s' if number != 1 else ''} applied and verified"))
         if number
         else end.report_unchanged()
     )

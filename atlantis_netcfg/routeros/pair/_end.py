@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import apply, guard, planner
 from atlantis_netcfg.routeros.apply import _state, _work
@@ -108,7 +109,7 @@ class End:
     def channel(self) -> apply.Channel:
         """The first session. Raises DeviceError once it is closed."""
         if self.session is None:
-            raise errors.DeviceError(f"the session with {self.name} was lost")
+            raise errors.DeviceError(f"the session with {arg(self.name)} was lost")
         return self.session
 
     @property
@@ -145,7 +146,7 @@ class End:
 
     async def read(self) -> None:
         """Open the first session, read everything and plan. Raises CannotPlan, MenuMissing, Unfit, DeviceError."""
-        self.say(Stage.CONNECTING, f"to {self.job.endpoint}", self.job.endpoint.connect_timeout_s)
+        self.say(Stage.CONNECTING, msg(f"to {arg(self.job.endpoint)}"), self.job.endpoint.connect_timeout_s)
         self.session = await self.contact.open()
         self.job = await choose_variant(self.session, self.job)
         self.before = await observe(
@@ -163,7 +164,7 @@ class End:
             self.examination.read_answers(await self.session.flight(commands))
         if (doubt := self.examination.doubt(self.actions)) and doubt not in self.notes:
             self.notes.append(doubt)
-        self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")
+        self.say(Stage.PLANNED, msg(f"{arg(len(self.actions))} actions" if self.actions else "nothing to change"))
 
     async def problem(self, mode: apply.JobMode = apply.JobMode.APPLY) -> apply.DeviceResult | None:
         """Read in a new first session, which replaces the old one; return the result if that fails."""
@@ -176,7 +177,7 @@ class End:
             return self.result(apply.Status.REFUSED, str(refusal), hint=refusal.hint)
         except errors.NetcfgError as failure:
             what = "could not be read" if mode is apply.JobMode.PLAN else "nothing was changed"
-            return self.result(apply.Status.LEFT_AS_FOUND, f"{what}: {failure}", hint=failure.hint)
+            return self.result(apply.Status.LEFT_AS_FOUND, msg(f"{arg(what)}: {arg(failure)}"), hint=failure.hint)
         return None
 
     def refusals(self) -> Iterator[str]:
@@ -188,9 +189,11 @@ class End:
         yield from find_missing_requirements(self.plan, self.observation)
         yield from self.examination.objections(self.actions, self.job.desired_state.source)
         if not facts.has_safe_mode:
-            yield f"RouterOS {facts.version} has no safe mode over the API; {_SAFE_MODE} and later have it"
+            yield msg(
+                f"RouterOS {arg(facts.version)} has no safe mode over the API; {arg(_SAFE_MODE)} and later have it"
+            )
         if facts.safe_mode_owner is not None:
-            yield f"{facts.safe_mode_owner} holds safe mode, which only one session can hold"
+            yield msg(f"{arg(facts.safe_mode_owner)} holds safe mode, which only one session can hold")
         yield from self._too_dear(self.plan)
         if apart := _work.find_missing_consent(self.job, self.plan):
             yield apart
@@ -227,16 +230,19 @@ class End:
         try:
             remaining_actions = planner.plan(self.name, self.job.desired_state, now).actions
         except planner.CannotPlan as problem:
-            raise StateMismatch(f"no plan can be made for the new state of {self.name}: {problem}") from problem
+            raise StateMismatch(
+                f"no plan can be made for the new state of {arg(self.name)}: {arg(problem)}"
+            ) from problem
         if remaining_actions:
-            names = "; ".join(f"{action.verb} {action.subject}" for action in remaining_actions[:_LIST_LIMIT])
-            raise StateMismatch(f"{self.name} did not keep everything; still to do: {names}")
+            names = join("; ", (f"{action.verb} {action.subject}" for action in remaining_actions[:_LIST_LIMIT]))
+            raise StateMismatch(f"{arg(self.name)} did not keep everything; still to do: {arg(names)}")
         unused_rows = [
             row for row in _state.find_invalid_rows(now) if row not in _state.find_invalid_rows(self.observation)
         ]
         if unused_rows:
             raise StateMismatch(
-                f"{self.name} accepted these rows but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
+                f"{arg(self.name)} accepted these rows but does not use them: "
+                f"{arg(join('; ', unused_rows[:_LIST_LIMIT]))}"
             )
         self.after = now
 
@@ -276,14 +282,16 @@ class End:
     def rolled_back(self, why: str) -> apply.DeviceResult:
         """Record and return that the device was rolled back."""
         self.note(runs.RollbackRecord(device=self.name, reason=self.clean(why)))
-        return self.result(apply.Status.ROLLED_BACK, f"rolled back, the device is as before: {why}")
+        return self.result(apply.Status.ROLLED_BACK, msg(f"rolled back, the device is as before: {arg(why)}"))
 
     def report_unchanged(self) -> apply.DeviceResult:
         """Return the result of an end without changes, with the leftovers of earlier runs that were removed."""
         if not self.removed_items:
             return self.result(apply.Status.UNCHANGED, "no changes needed")
         self.after = self.observation
-        return self.result(apply.Status.CHANGED, f"as in the inventory; removed {' and '.join(self.removed_items)}")
+        return self.result(
+            apply.Status.CHANGED, msg(f"as in the inventory; removed {arg(' and '.join(self.removed_items))}")
+        )
 
     def result(self, status: apply.Status, message: str, *, hint: str | None = None) -> apply.DeviceResult:
         """Build the result of this end."""
@@ -356,4 +364,4 @@ class Pair:
     @property
     def name(self) -> str:
         """Both names, near end first."""
-        return f"{self.near.name} and {self.far.name}"
+        return msg(f"{arg(self.near.name)} and {arg(self.far.name)}")

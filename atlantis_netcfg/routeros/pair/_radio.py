@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.api import Command
 
@@ -133,7 +134,7 @@ _PROTOCOLS = {
 def disagreements(near: PairRadio | None, far: PairRadio | None, names: tuple[str, str]) -> tuple[str, ...]:
     """Return the differences that would prevent a link between two radios, one sentence each."""
     if near is None or far is None:
-        return (f"{names[near is not None]} has no radio with a supported driver",)
+        return (msg(f"{arg(names[near is not None])} has no radio with a supported driver"),)
     if near.menu != far.menu:
         return ("the two ends have different drivers, but station-bridge works only between equal ones",)
     return tuple(_modes(near, far, names)) or tuple(_values(near, far, names))
@@ -153,14 +154,17 @@ def _mode(radio: PairRadio) -> str:
 def _modes(near: PairRadio, far: PairRadio, names: tuple[str, str]) -> Iterator[str]:
     for radio, name in zip((near, far), names, strict=True):
         if radio.get("disabled") in ("yes", "true"):
-            yield f"the radio of {name} would be disabled"
+            yield msg(f"the radio of {arg(name)} would be disabled")
     aps = [_mode(radio) in _APS for radio in (near, far)]
     if all(aps) or not any(aps):
-        yield f"{names[0]} would be {_mode(near)} and {names[1]} {_mode(far)}: one has to be the access point"
+        yield msg(
+            f"{arg(names[0])} would be {arg(_mode(near))} and {arg(names[1])} {arg(_mode(far))}: one has to be the "
+            "access point"
+        )
         return
     station, who = (far, names[1]) if aps[0] else (near, names[0])
     if _mode(station) != "station-bridge":
-        yield f"{who} would be {_mode(station)}: only station-bridge carries a bridge"
+        yield msg(f"{arg(who)} would be {arg(_mode(station))}: only station-bridge carries a bridge")
 
 
 def _values(near: PairRadio, far: PairRadio, names: tuple[str, str]) -> Iterator[str]:
@@ -168,14 +172,22 @@ def _values(near: PairRadio, far: PairRadio, names: tuple[str, str]) -> Iterator
     for name in ("ssid", "channel-width", "country"):
         here, there = _word(near, name), _word(far, name)
         if here != there:
-            yield f"{name} would be {here or 'unset'} on {names[0]} and {there or 'unset'} on {names[1]}"
+            yield msg(
+                f"{arg(name)} would be {arg(here or 'unset')} on {arg(names[0])} and {arg(there or 'unset')} on "
+                f"{arg(names[1])}"
+            )
     if _word(near, "band")[:4] != _word(far, "band")[:4] and _word(near, "band") and _word(far, "band"):
-        yield f"band would be {_word(near, 'band')} on {names[0]} and {_word(far, 'band')} on {names[1]}"
+        yield msg(
+            f"band would be {arg(_word(near, 'band'))} on {arg(names[0])} and {arg(_word(far, 'band'))} on "
+            f"{arg(names[1])}"
+        )
     if ap.menu == LEGACY and _ap_protocol(ap) not in _station_protocols(station):
         words = (near.get("wireless-protocol"), far.get("wireless-protocol"))
-        yield f"wireless-protocol would be {words[0]} on {names[0]} and {words[1]} on {names[1]}"
+        yield msg(
+            f"wireless-protocol would be {arg(words[0])} on {arg(names[0])} and {arg(words[1])} on {arg(names[1])}"
+        )
     elif not _is_same_key(ap, station):
-        yield f"the keys of {names[0]} and {names[1]} would differ"
+        yield msg(f"the keys of {arg(names[0])} and {arg(names[1])} would differ")
 
 
 def _ap_protocol(ap: PairRadio) -> str:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import safe_mode, scheduler_jobs
 from atlantis_netcfg.routeros.apply import _state
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
@@ -107,7 +108,7 @@ class Transaction:
         try:
             end.owner = (await safe_mode.ApiSafeMode().take(end.channel)).who
         except safe_mode.SafeModeUnavailable as unavailable:
-            raise safe_mode.SafeModeUnavailable(f"{end.name}: {unavailable}", hint=unavailable.hint) from None
+            raise safe_mode.SafeModeUnavailable(f"{arg(end.name)}: {arg(unavailable)}", hint=unavailable.hint) from None
         end.protection = "safe-mode and a job of the scheduler" if end.job_id else "safe-mode"
         self._record_protection(end)
 
@@ -118,7 +119,7 @@ class Transaction:
             row.get(".id") == far.job_id for row in (await far.channel.command(scheduler_jobs.READ_JOBS)).rows
         ):
             far.job_id = ""
-            raise InterferenceError(f"{far.name}: the scheduler job has run, or another run has removed it")
+            raise InterferenceError(f"{arg(far.name)}: the scheduler job has run, or another run has removed it")
 
     async def _arm(self) -> None:
         """Arm the far end's scheduler job that restores its radio; if impossible, report the consequence."""
@@ -127,7 +128,7 @@ class Transaction:
         try:
             rollback = inverse(far.observation, far.aim, with_secrets=True)
         except CannotInvert as reason:
-            why = why or f"there is no rollback script ({reason})"
+            why = why or msg(f"there is no rollback script ({arg(reason)})")
         if not why and radio is not None and near is not None:
             try:
                 text = scheduler_jobs.pair_script(radio.menu, near.mac, rollback)
@@ -142,14 +143,16 @@ class Transaction:
                 self.fires = asyncio.get_running_loop().time() + self.pair.link_timeout_s
                 return
         far.notes.append(
-            f"if its link fails, {far.name} needs about nine minutes to roll back by itself: no scheduler job can do "
-            f"it sooner, {why or 'it has no radio'}"
+            msg(
+                f"if its link fails, {arg(far.name)} needs about nine minutes to roll back by itself: no scheduler job "
+                f"can do it sooner, {arg(why or 'it has no radio')}"
+            )
         )
 
     def _record_protection(self, end: _end.End) -> None:
-        job = f", and a scheduler job after {self.pair.link_timeout_s:.0f} s" if end.job_id else ""
+        job = msg(f", and a scheduler job after {arg(self.pair.link_timeout_s):.0f} s" if end.job_id else "")
         end.record(runs.ProtectionRecord(device=end.name, how=end.protection))
-        end.say(Stage.PROTECTED, f"this end rolls back by itself: safe mode{job}")
+        end.say(Stage.PROTECTED, msg(f"this end rolls back by itself: safe mode{arg(job)}"))
 
     # --- changing --------------------------------------------------------------------------------------------------
 
@@ -194,10 +197,10 @@ class Transaction:
         end.note(runs.ActionAcknowledgement(device=end.name, actions=result.acknowledged_numbers))
         if reply.trap is not None or list(result.acknowledged_numbers) != [action.number for action in actions]:
             words = reply.trap.message if reply.trap is not None else result.words
-            raise Refusal(f"{end.name} refused an action: {words or 'it stopped without a message'}")
+            raise Refusal(f"{arg(end.name)} refused an action: {arg(words or 'it stopped without a message')}")
         if not safe_mode.Holder.of(holder).ours:
-            raise safe_mode.ProtectionLost(f"{end.name}: safe mode was lost in the middle of the change")
-        end.say(Stage.APPLYING, f"{len(result.acknowledged_numbers)} actions sent")
+            raise safe_mode.ProtectionLost(f"{arg(end.name)}: safe mode was lost in the middle of the change")
+        end.say(Stage.APPLYING, msg(f"{arg(len(result.acknowledged_numbers))} actions sent"))
 
     # --- proving ---------------------------------------------------------------------------------------------------
 
@@ -213,7 +216,7 @@ class Transaction:
                 await self._prove_radio()
         except TimeoutError:
             timeout_s = self.pair.link_timeout_s - self.pair.reserve_s
-            raise LinkGone(f"the link was not back and verified within {timeout_s:.0f} s") from None
+            raise LinkGone(f"the link was not back and verified within {arg(timeout_s):.0f} s") from None
 
     async def _prove_end(self, end: _end.End) -> None:
         end.say(Stage.VERIFYING, "verifying in a new session")
@@ -236,11 +239,11 @@ class Transaction:
         for end, other in ((self.far, self.near), (self.near, self.far)):
             radio, peer = end.radio(after=True), other.radio(after=True)
             if radio is None or peer is None:
-                raise _end.StateMismatch(f"{end.name} no longer has a radio")
+                raise _end.StateMismatch(f"{arg(end.name)} no longer has a radio")
             rows = (await self._anew[end.name].command(registrations(radio.menu))).check().rows
             row = next((row for row in rows if row.get("mac-address", "").upper() == peer.mac.upper()), None)
             if row is None:
-                raise LinkGone(f"{other.name} is not registered with the radio of {end.name}")
+                raise LinkGone(f"{arg(other.name)} is not registered with the radio of {arg(end.name)}")
             _judge_level(end, level_dbm(row), self.pair.signal)
 
     # --- keeping ---------------------------------------------------------------------------------------------------
@@ -262,7 +265,7 @@ class Transaction:
         try:
             await SAFE_MODE.release_of(session, end.owner)
         except safe_mode.ProtectionLost as lost:
-            raise safe_mode.ProtectionLost(f"{end.name}: {lost}") from lost
+            raise safe_mode.ProtectionLost(f"{arg(end.name)}: {arg(lost)}") from lost
         end.is_kept = True
         end.owner = ""
         end.record(runs.ReleaseRecord(device=end.name))
@@ -306,6 +309,6 @@ def _judge_level(end: _end.End, level: float | None, bounds: _end.Signal | None)
         return
     if not bounds.weakest_dbm <= level <= bounds.strongest_dbm:
         raise LinkGone(
-            f"{end.name} receives the other end at {level:.0f} dBm, not between {bounds.weakest_dbm:.0f} and "
-            f"{bounds.strongest_dbm:.0f}"
+            f"{arg(end.name)} receives the other end at {arg(level):.0f} dBm, not between "
+            f"{arg(bounds.weakest_dbm):.0f} and {arg(bounds.strongest_dbm):.0f}"
         )

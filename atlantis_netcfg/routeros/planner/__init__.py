@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.diff import render, set_lines
@@ -58,7 +59,9 @@ def plan(device: str, desired_state: DesiredState, observation: _types.Observati
         _take_names_out(part, port_renames)
         problems += part.problems
     if problems:
-        message = "\n".join(f"{device}: {desired_state.source}, {problem}" for problem in problems)
+        message = join(
+            "\n", (msg(f"{arg(device)}: {arg(desired_state.source)}, {arg(problem)}") for problem in problems)
+        )
         raise CannotPlan(message, hint=_other_version([since for _, since in lacking], facts))
     changed_menus = {part.menu.path for part in parts if part.changes}
     remarks = [remark for path, remark in desired_state.remarks if path in changed_menus]
@@ -83,9 +86,9 @@ def plan(device: str, desired_state: DesiredState, observation: _types.Observati
 def newer_than_known(version: Version) -> Iterator[str]:
     """Yield a note if the version is newer than the newest one tested."""
     if version > NEWEST_KNOWN:
-        yield (
-            f"RouterOS {version} is newer than the newest known version, {NEWEST_KNOWN}: later changes have not been "
-            "reviewed"
+        yield msg(
+            f"RouterOS {arg(version)} is newer than the newest known version, {arg(NEWEST_KNOWN)}: later changes have "
+            "not been reviewed"
         )
 
 
@@ -101,18 +104,24 @@ def _find_unsupported(path: str, desired_state: DesiredState, version: Version) 
     """Yield what this version lacks, and the first version that has it; None if only older ones have it."""
     menu = MENUS[path]
     if menu.since is not None and version < menu.since:
-        yield f"{menu.title} needs RouterOS {menu.since} or later, but this device has {version}", menu.since
+        yield (
+            msg(f"{arg(menu.title)} needs RouterOS {arg(menu.since)} or later, but this device has {arg(version)}"),
+            menu.since,
+        )
     for item in desired_state.items[path]:
         for name in item.values:
             field = menu.by_name[name]
             if field.since is not None and version < field.since:
-                yield _version_problem(item, name, f"from RouterOS {field.since} on", version), field.since
+                yield _version_problem(item, name, msg(f"from RouterOS {arg(field.since)} on"), version), field.since
             elif not field.exists(version):
-                yield _version_problem(item, name, f"only before RouterOS {field.until}", version), None
+                yield _version_problem(item, name, msg(f"only before RouterOS {arg(field.until)}"), version), None
 
 
 def _version_problem(item: RowItem, name: str, when: str, version: Version) -> str:
-    return f"line {item.line}: {MENUS[item.menu].title} has `{name}` {when}, but this device has {version}"
+    return msg(
+        f"line {arg(item.line)}: {arg(MENUS[item.menu].title)} has `{arg(name)}` {arg(when)}, but this device has "
+        f"{arg(version)}"
+    )
 
 
 def _other_version(lacking: Sequence[Version | None], facts: _types.Facts) -> str | None:
@@ -122,7 +131,7 @@ def _other_version(lacking: Sequence[Version | None], facts: _types.Facts) -> st
     newer = [version for version in lacking if version is not None]
     if len(newer) < len(lacking):
         return "remove what RouterOS no longer has from the named lines of the text"
-    return f"{facts.upgrade(max(newer))}; or remove the named lines from the text"
+    return msg(f"{arg(facts.upgrade(max(newer)))}; or remove the named lines from the text")
 
 
 def _plan_menu(path: str, desired_state: DesiredState, rows: tuple[_types.Row, ...], context: Context) -> MenuPlan:
@@ -148,7 +157,10 @@ def _take_names_out(part: MenuPlan, port_renames: list[Rename]) -> None:
         if each.menu is part.menu and each.in_the_way:
             port = each.menu.name_of(each.row)
             part.notes.append(
-                f"{each.menu.title}: {port} has the name {each.old} of another port, and gets its own back"
+                msg(
+                    f"{arg(each.menu.title)}: {arg(port)} has the name {arg(each.old)} of another port, and gets its "
+                    "own back"
+                )
             )
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.pin import PinSim, objection
 
@@ -111,9 +112,9 @@ def build_addition(menu: Menu, item: RowItem, names: Names, before: str | None =
 def build_removal(menu: Menu, rows: list[_types.Row], layer: _types.Layer) -> MenuChange:
     """Return the change that removes rows, in that order."""
     names = [menu.name_of(row) for row in rows]
-    subject = ", ".join(names[:_SHOWN_NAMES])
+    subject = join(", ", names[:_SHOWN_NAMES])
     if len(names) > _SHOWN_NAMES:
-        subject += f" and {len(names) - _SHOWN_NAMES} more"
+        subject += msg(f" and {arg(len(names) - _SHOWN_NAMES)} more")
     return MenuChange(menu, _types.Verb.REMOVE, layer, subject, ids=tuple(row[".id"] for row in rows))
 
 
@@ -155,7 +156,9 @@ def _plan_property(
         return {}
     if each.secret and context.is_hidden(row.get(name)):
         report.hidden_secrets.append(_types.HiddenSecret(menu.path, menu.name_of(row), name))
-        report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left unchanged")
+        report.notes.append(
+            msg(f"{arg(menu.title)}: `{arg(name)}` of {arg(menu.name_of(row))} cannot be read and is left unchanged")
+        )
         return {}
     value = item.values[name]
     if each.is_prompted and value:
@@ -165,7 +168,9 @@ def _plan_property(
         return {}
     changes = _differing(menu, row, name, desired_value)
     if changes and each.board and not any(other.board and other.name in row for other in menu.fields):
-        report.problems.append(f"line {item.line}: {menu.name_of(row)} of this device has no `{name}`")
+        report.problems.append(
+            msg(f"line {arg(item.line)}: {arg(menu.name_of(row))} of this device has no `{arg(name)}`")
+        )
         return {}
     return changes
 
@@ -178,10 +183,12 @@ def _plan_prompted_value(
     if context.sim is PinSim.FREE:
         return {}
     if context.sim is PinSim.UNKNOWN:
-        report.notes.append(f"{report.menu.name_of(row)} does not show whether it needs `{name}`: it is not sent")
+        report.notes.append(
+            msg(f"{arg(report.menu.name_of(row))} does not show whether it needs `{arg(name)}`: it is not sent")
+        )
         return {}
     if why := objection(context.sim, row.get(name, ""), value, context.desired_state.pin_refusal):
-        report.problems.append(f"line {item.line}: {why}")
+        report.problems.append(msg(f"line {arg(item.line)}: {arg(why)}"))
         return {}
     return {name: value}
 

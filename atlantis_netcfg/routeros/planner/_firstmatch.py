@@ -23,6 +23,7 @@ from heapq import heappop, heappush
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import _types, diff
 from atlantis_netcfg.routeros.planner import _change
 
@@ -343,7 +344,9 @@ def _cosmetics(lists: _Lists, item: RowItem, row: _types.Row) -> None:
             )
         )
     if item.is_marked and not menu.is_ours(row) and not lists.context.is_entire(menu):
-        lists.report.notes.append(f"{menu.title}: {menu.name_of(row)} existed without our mark, and becomes ours")
+        lists.report.notes.append(
+            msg(f"{arg(menu.title)}: {arg(menu.name_of(row))} existed without our mark, and becomes ours")
+        )
 
 
 def _remove(lists: _Lists) -> None:
@@ -409,6 +412,8 @@ def _warn(lists: _Lists) -> None:
         caller, target = lists.chain(row), row.get("jump-target", "")
         if row.get("action") == "jump" and caller != target and {caller, target} <= changed_chains:
             lists.report.notes.append(
-                f"{lists.menu.title}: chain {target} and its caller {caller} both change; for a moment a packet may "
-                "meet old rows of one and new rows of the other"
+                msg(
+                    f"{arg(lists.menu.title)}: chain {arg(target)} and its caller {arg(caller)} both change; for a "
+                    "moment a packet may meet old rows of one and new rows of the other"
+                )
             )

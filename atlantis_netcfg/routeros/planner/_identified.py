@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import _types, diff
 from atlantis_netcfg.routeros._items import RowItem
 from atlantis_netcfg.routeros.menus import Menu, Shape
@@ -126,10 +127,10 @@ def _find_implied_rows(work: _MatchedRows) -> list[_types.Row]:
 
 
 def _missing_row_text(menu: Menu, item: RowItem, rows: list[_types.Row]) -> str:
-    there = ", ".join(menu.name_of(row) for row in rows)
-    return (
-        f"line {item.line}: {menu.name_of(item.defined_values)} does not exist in {menu.title}; the device has "
-        f"{there or 'none'}"
+    there = join(", ", (menu.name_of(row) for row in rows))
+    return msg(
+        f"line {arg(item.line)}: {arg(menu.name_of(item.defined_values))} does not exist in {arg(menu.title)}; the "
+        f"device has {arg(there or 'none')}"
     )
 
 
@@ -179,7 +180,10 @@ def _make_way(work: _MatchedRows, match: _Match, holder: _types.Row, owner: _Mat
     else:
         here, there = work.menu.name_of(match.item.defined_values), work.menu.name_of(holder)
         work.report.problems.append(
-            f"line {match.item.line}: {here} cannot exist together with {there}, which is on the device"
+            msg(
+                f"line {arg(match.item.line)}: {arg(here)} cannot exist together with {arg(there)}, which is on the "
+                "device"
+            )
         )
 
 
@@ -230,7 +234,7 @@ def _add(work: _MatchedRows, item: RowItem) -> None:
     work.report.lines.append(diff.DiffLine("+", diff.added_row(work.menu, item.defined_values)))
     for secret in sorted(item.unknown):
         work.report.notes.append(
-            f"{work.menu.title}: `{secret}` of {name} is not in the saved export: enter it by hand"
+            msg(f"{arg(work.menu.title)}: `{arg(secret)}` of {arg(name)} is not in the saved export: enter it by hand")
         )
 
 
@@ -250,7 +254,9 @@ def _set(work: _MatchedRows, match: _Match, row: _types.Row) -> None:
     )
     work.report.lines += diff.set_lines(menu, row, match.writes)
     if match.item.is_marked and not menu.is_ours(row) and menu.shape is Shape.LIST:
-        work.report.notes.append(f"{menu.title}: {menu.name_of(row)} existed without our mark, and becomes ours")
+        work.report.notes.append(
+            msg(f"{arg(menu.title)}: {arg(menu.name_of(row))} existed without our mark, and becomes ours")
+        )
 
 
 def _report_left(work: _MatchedRows) -> None:

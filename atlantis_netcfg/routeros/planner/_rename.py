@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address, ip_interface
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros import _types, menus
 from atlantis_netcfg.routeros.planner._change import MenuChange
 
@@ -96,17 +97,20 @@ def conflicts(port_renames: Iterable[Rename], rows: Mapping[str, tuple[_types.Ro
     rename_by_name: dict[str, Rename] = {}
     for each in port_renames:
         port = each.menu.name_of(each.row)
-        where = f"line {each.line}: " if each.line else ""
+        where = msg(f"line {arg(each.line)}: " if each.line else "")
         if other := rename_by_name.setdefault(each.name, each):
             if other is not each:
-                yield f"{where}{port} and {other.menu.name_of(other.row)} cannot both be called {each.name}"
+                yield msg(
+                    f"{arg(where)}{arg(port)} and {arg(other.menu.name_of(other.row))} cannot both be called "
+                    f"{arg(each.name)}"
+                )
             elif each.name in owners and each.name not in going:
                 menu, row = owners[each.name]
                 title, key = menu.title, menu.keys[0]
-                yield (
-                    f"{where}{port} is called {each.old}, and cannot be called {each.name}: {title} has a row of that"
-                    f" name. Give it another one on the device:"
-                    f" `{title} set [find {key}={row.get(key, each.name)}] name={each.name}-old`"
+                yield msg(
+                    f"{arg(where)}{arg(port)} is called {arg(each.old)}, and cannot be called {arg(each.name)}: "
+                    f"{arg(title)} has a row of that name. Give it another one on the device: `{arg(title)} set [find "
+                    f"{arg(key)}={arg(row.get(key, each.name))}] name={arg(each.name)}-old`"
                 )
 
 

@@ -7,6 +7,7 @@ from functools import cache
 from math import ceil
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import channels
 from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.routeros.render._environment import environment
@@ -112,13 +113,15 @@ def cpe_prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) ->
     peer = inventory.hosts[device.ptp.peer].name if device.ptp.peer in inventory.hosts else device.ptp.peer
     return (
         view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl uses it"),
-        view.Prerequisite("/interface/ethernet", device.port, f"it carries the bridge cable to {peer}"),
+        view.Prerequisite("/interface/ethernet", device.port, msg(f"it carries the bridge cable to {arg(peer)}")),
     )
 
 
 def _cpe_of(host: view.DeclaredHost) -> model.Cpe:
     if host.device.kind != "cpe":
-        raise view.RenderError(f"{host.name} is a {host.device.kind}; only a CPE can have a CPE configuration")
+        raise view.RenderError(
+            f"{arg(host.name)} is a {arg(host.device.kind)}; only a CPE can have a CPE configuration"
+        )
     return host.device
 
 
@@ -136,8 +139,8 @@ def _ends(
                     if served_link.carries == carried_site and {link.device, served_link.device} == ends:
                         return carried_site, link, serving, served_link
     raise view.RenderError(
-        f"{host.name} is not an end of a link: no `wifi_ptp` link with a served link names {host.name} and "
-        f"{device.ptp.peer}",
+        f"{arg(host.name)} is not an end of a link: no `wifi_ptp` link with a served link names {arg(host.name)} and "
+        f"{arg(device.ptp.peer)}",
         hint="see `bearers` and `served_links` of the two sites in group_vars",
     )
 
@@ -145,7 +148,9 @@ def _ends(
 def _radio(name: str, ptp: model.Ptp, family: str) -> view.RadioView:
     legacy = family == "wireless"
     if (ptp.standard == "802.11ax") if legacy else (ptp.protocol != "802.11"):
-        raise view.RenderError(f"{name}: the `{family}` menus do not support {ptp.protocol} with {ptp.standard}")
+        raise view.RenderError(
+            f"{arg(name)}: the `{arg(family)}` menus do not support {arg(ptp.protocol)} with {arg(ptp.standard)}"
+        )
     distance_m = ptp.distance_m or 0
     return replace(
         _plain(ptp, family),

@@ -8,6 +8,7 @@ from ipaddress import IPv4Address, IPv4Interface, IPv4Network
 from math import ceil
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 from atlantis_netcfg.links.standing_traffic import probe_targets
 from atlantis_netcfg.routeros.render import view
@@ -88,8 +89,8 @@ def management_port(name: str, router: model.Router) -> str:
     matching_ports = [port.name for port in router.ports if port.use == "management"]
     if len(matching_ports) != 1:
         raise view.RenderError(
-            f"{name} needs one port with `use: management`, but has {len(matching_ports)}",
-            hint=f"see `ports` in host_vars/{name}.yml",
+            f"{arg(name)} needs one port with `use: management`, but has {arg(len(matching_ports))}",
+            hint=f"see `ports` in host_vars/{arg(name)}.yml",
         )
     return matching_ports[0]
 
@@ -99,8 +100,8 @@ def port_of(name: str, router: model.Router, link: str) -> str:
     matching_ports = [port.name for port in router.ports if port.link == link]
     if len(matching_ports) != 1:
         raise view.RenderError(
-            f"{name} needs one port with `use: link, link: {link}`, but has {len(matching_ports)}",
-            hint=f"see `ports` in host_vars/{name}.yml",
+            f"{arg(name)} needs one port with `use: link, link: {arg(link)}`, but has {arg(len(matching_ports))}",
+            hint=f"see `ports` in host_vars/{arg(name)}.yml",
         )
     return matching_ports[0]
 
@@ -226,8 +227,8 @@ def lte_link(inventory: view.InventoryView, host: view.DeclaredHost) -> model.Li
         if link.device == host.name or link.gateway == device.address:
             return link
     raise view.RenderError(
-        f"{host.name} is the gateway of no link of {host.site}",
-        hint=f"see `bearers` in group_vars/{host.site}.yml: one needs `device: {host.name}`",
+        f"{arg(host.name)} is the gateway of no link of {arg(host.site)}",
+        hint=f"see `bearers` in group_vars/{arg(host.site)}.yml: one needs `device: {arg(host.name)}`",
     )
 
 
@@ -236,14 +237,16 @@ def lte_prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) ->
     link = lte_link(inventory, host).name
     return (
         view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl uses it"),
-        view.Prerequisite("/interface/ethernet", _PORT, f"it carries the cable of {link}"),
+        view.Prerequisite("/interface/ethernet", _PORT, msg(f"it carries the cable of {arg(link)}")),
         view.Prerequisite("/interface/lte", _MODEM, "it leads to the 4G network"),
     )
 
 
 def _box(host: view.DeclaredHost) -> model.LteRouter:
     if host.device.kind != "lte_router" or host.device.driver != "routeros":
-        raise view.RenderError(f"{host.name} is not an LTE device with driver routeros, which this configuration needs")
+        raise view.RenderError(
+            f"{arg(host.name)} is not an LTE device with driver routeros, which this configuration needs"
+        )
     return host.device
 
 

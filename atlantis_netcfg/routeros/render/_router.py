@@ -8,6 +8,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import _links, view
 from atlantis_netcfg.routeros.render._cpe import access_point, radio_name
@@ -24,7 +25,7 @@ def _server(inventory: view.InventoryView) -> view.DeclaredHost:
     name = inventory.pilot.vpn.server
     if name not in inventory.hosts:
         raise view.RenderError(
-            f"pilot.vpn.server names host {name}, which is not in the inventory",
+            f"pilot.vpn.server names host {arg(name)}, which is not in the inventory",
             hint="see group_vars/all/pilot.yml",
         )
     return inventory.hosts[name]
@@ -71,9 +72,9 @@ def _networks(inventory: view.InventoryView, here: str) -> Iterator[tuple[str, s
     for name, site in sorted(inventory.sites.items()):
         if name == here:
             continue
-        yield f"{name} LAN", str(site.lan.network)
+        yield msg(f"{arg(name)} LAN"), str(site.lan.network)
         if any(prefix.overlaps(site.management.network) for prefix in admit):
-            yield f"{name} management", str(site.management.network)
+            yield msg(f"{arg(name)} management"), str(site.management.network)
 
 
 def managers(inventory: view.InventoryView, host: view.DeclaredHost, interface: str | None) -> Iterator[view.Managers]:
@@ -124,7 +125,7 @@ def forwards(
 
 def _find_host(inventory: view.InventoryView, host: view.DeclaredHost, name: str) -> view.DeclaredHost:
     if name not in inventory.hosts:
-        raise view.RenderError(f"{host.name} forwards a port to {name}, which is not in the inventory")
+        raise view.RenderError(f"{arg(host.name)} forwards a port to {arg(name)}, which is not in the inventory")
     return inventory.hosts[name]
 
 
@@ -180,12 +181,14 @@ def prerequisites(inventory: view.InventoryView, host: view.DeclaredHost) -> tup
     own_tunnel = tunnel(inventory, device)
     certificates = [view.Prerequisite("/certificate", _links.API_CERTIFICATE, "service api-ssl uses it")]
     if own_tunnel is not None:
-        reason = f"{own_tunnel.interface} authenticates with it"
+        reason = msg(f"{arg(own_tunnel.interface)} authenticates with it")
         certificates.append(view.Prerequisite("/certificate", own_tunnel.certificate, reason))
     return (
         *certificates,
         *(
-            view.Prerequisite("/interface/ethernet", port.name, f"the inventory has it as a port for {port.purpose}")
+            view.Prerequisite(
+                "/interface/ethernet", port.name, msg(f"the inventory has it as a port for {arg(port.purpose)}")
+            )
             for port in _links.ports(device)
         ),
         *_radio_prerequisites(device),

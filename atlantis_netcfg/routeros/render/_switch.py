@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.routeros.render._cpe import access_point, radio_name
@@ -89,7 +90,9 @@ def switch_prerequisites(host: view.DeclaredHost) -> tuple[view.Prerequisite, ..
     prerequisites = [
         view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl uses it"),
         *(
-            view.Prerequisite("/interface/ethernet", port.name, f"the inventory has it as a port for {port.purpose}")
+            view.Prerequisite(
+                "/interface/ethernet", port.name, msg(f"the inventory has it as a port for {arg(port.purpose)}")
+            )
             for port in _ports(device)
         ),
     ]
@@ -103,7 +106,9 @@ def switch_prerequisites(host: view.DeclaredHost) -> tuple[view.Prerequisite, ..
 
 def _switch_of(host: view.DeclaredHost) -> model.Switch:
     if host.device.kind != "switch":
-        raise view.RenderError(f"{host.name} is a {host.device.kind}; only a switch can have a switch configuration")
+        raise view.RenderError(
+            f"{arg(host.name)} is a {arg(host.device.kind)}; only a switch can have a switch configuration"
+        )
     return host.device
 
 
@@ -127,7 +132,7 @@ def _bridge_ports(device: model.Switch, radio: view.RadioView | None) -> Iterato
     for port in device.ports:
         if port.use is not model.SwitchPortUse.OFF:
             purpose = _PURPOSES[port.use]
-            yield BridgedPort(port.name, f"{purpose}, isolated" if port.isolated else purpose, port.isolated)
+            yield BridgedPort(port.name, msg(f"{arg(purpose)}, isolated") if port.isolated else purpose, port.isolated)
     if radio is not None:
         yield BridgedPort(radio.name, "access point", radio.is_isolated)
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, join
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -335,7 +336,7 @@ class RouterView:
         for target in (target for satellite in self.satellites for target in satellite.targets):
             names.setdefault(target.address, []).append(target.name)
         return tuple(
-            NamedAddress(", ".join(dict.fromkeys(target_names)), address) for address, target_names in names.items()
+            NamedAddress(join(", ", dict.fromkeys(target_names)), address) for address, target_names in names.items()
         )
 
     @property
@@ -383,7 +384,9 @@ class InventoryView(Protocol):
 def router_of(host: DeclaredHost) -> model.Router:
     """Return the router of a host. Raises RenderError if it is another device."""
     if host.device.kind != "router":
-        raise RenderError(f"{host.name} is a {host.device.kind}; only a router can have a router configuration")
+        raise RenderError(
+            f"{arg(host.name)} is a {arg(host.device.kind)}; only a router can have a router configuration"
+        )
     return host.device
 
 

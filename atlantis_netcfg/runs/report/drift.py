@@ -14,6 +14,7 @@ from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.events import worst as worst_verdict
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report.run import cost_lines
@@ -47,8 +48,8 @@ class DriftReport:
     @property
     def skip_reasons(self) -> Mapping[str, str]:
         """Reasons why devices were not compared, by name."""
-        untold = {name: f"not supported yet ({_kind(kind)})" for name, kind in self.not_handled.items()}
-        return {**{name: f"not rehearsed: {why}" for name, why in self.left_out.items()}, **untold}
+        untold = {name: msg(f"not supported yet ({arg(_kind(kind))})") for name, kind in self.not_handled.items()}
+        return {**{name: msg(f"not rehearsed: {arg(why)}") for name, why in self.left_out.items()}, **untold}
 
     @property
     def exit(self) -> ExitCode:
@@ -89,12 +90,15 @@ class DriftReport:
 
     def _lines(self) -> Iterator[str]:
         for name, result in self.devices.items():
-            yield f"{name}: {'ERROR, ' if verdict(result) == 'ERROR' else ''}{printable.below(result['message'], 4)}"
+            yield msg(
+                f"{arg(name)}: "
+                f"{'ERROR, ' if verdict(result) == 'ERROR' else ''}{arg(printable.below(result['message'], 4))}"
+            )
             yield from (f"  {printable.below(line, 4)}" for line in self._detail_lines(name, result))
             if result["comparison"] is not None:
                 yield from drift_lines(result["comparison"], translate).split("\n")[:-1]
             yield ""
-        yield from (f"{name}: {why}" for name, why in self.skip_reasons.items())
+        yield from (msg(f"{arg(name)}: {arg(why)}") for name, why in self.skip_reasons.items())
         if self.is_rehearsal:
             yield "rehearsed on emulated devices as they are after `provision device adopt`: no real device was read"
 
@@ -104,11 +108,11 @@ class DriftReport:
         if result["hint"]:
             yield result["hint"]
         yield from cost_lines(result, is_rehearsal=self.is_rehearsal)
-        yield from (f"note: {note}" for note in result["notes"])
+        yield from (msg(f"note: {arg(note)}") for note in result["notes"])
         if name in self.unfinished_runs:
-            yield (
-                f"note: the outcome of run {self.unfinished_runs[name]} is open: `{self.next_commands[name]}` "
-                "continues it"
+            yield msg(
+                f"note: the outcome of run {arg(self.unfinished_runs[name])} is open: "
+                f"`{arg(self.next_commands[name])}` continues it"
             )
 
 
@@ -116,8 +120,9 @@ def _confirmation_text(comparison: Mapping[str, Any], zone: str) -> str:
     confirmation = comparison["confirmed"]
     if confirmation is None:
         return "unknown since when: no run has confirmed a state of this device"
-    return (
-        f"last confirmed by run {confirmation['run']} of {time_text(datetime.fromisoformat(confirmation['at']), zone)}"
+    return msg(
+        f"last confirmed by run {arg(confirmation['run'])} of "
+        f"{arg(time_text(datetime.fromisoformat(confirmation['at']), zone))}"
     )
 
 
@@ -149,15 +154,23 @@ def difference_lines(
     """Yield the lines of one difference: what, owner, since when, and by whom according to the device's history."""
     yield printable.line(f"{read(difference['kind']):<8} {difference['subject']}")
     details = [
-        f"{field['name']}: inventory {_value_text(field['declared'])}, device {_value_text(field['found'])}"
+        msg(
+            f"{arg(field['name'])}: inventory {arg(_value_text(field['declared']))}, device "
+            f"{arg(_value_text(field['found']))}"
+        )
         for field in difference["fields"]
     ]
     if difference["row"]:
         details.append(difference["row"])
-    details.append("; ".join(filter(None, (read(_owner(difference)), _since(difference, confirmation)))))
+    details.append(join("; ", filter(None, (read(_owner(difference)), _since(difference, confirmation)))))
     if difference["history"]:
         change = difference["history"]
-        details.append(f"history of the device: {change['action']}, by {change['by']}, {change['at']} by its clock")
+        details.append(
+            msg(
+                f"history of the device: {arg(change['action'])}, by {arg(change['by'])}, {arg(change['at'])} by its "
+                "clock"
+            )
+        )
     yield from (f"{'':<8} {printable.line(detail)}" for detail in details)
 
 
@@ -172,12 +185,12 @@ def _since(difference: Mapping[str, Any], confirmation: Mapping[str, str] | None
     if confirmation is None:
         return ""  # said once, for the whole device
     if difference["since"] == "unknown":
-        return f"unknown since when: {difference['why_unknown']}"
+        return msg(f"unknown since when: {arg(difference['why_unknown'])}")
     if difference["since"] == "after":
-        return f"changed after run {confirmation['run']}"
+        return msg(f"changed after run {arg(confirmation['run'])}")
     if difference["kind"] == "foreign":
-        return f"already there in run {confirmation['run']}, which left it unchanged"
-    return f"already so in run {confirmation['run']}: the inventory is newer"
+        return msg(f"already there in run {arg(confirmation['run'])}, which left it unchanged")
+    return msg(f"already so in run {arg(confirmation['run'])}: the inventory is newer")
 
 
 def _value_text(value: str) -> str:
@@ -296,11 +309,18 @@ def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmat
     beside = [item for item in differences if not item["counts"]]
     hidden_entries = [entry for entry in beside if entry["kind"] == "hidden"]
     if drift_rows:
-        kinds = ", ".join(dict.fromkeys(element["kind"] for element in drift_rows))
+        kinds = join(", ", dict.fromkeys(element["kind"] for element in drift_rows))
         add(case, "failure", kinds, *_lines(drift_rows, confirmation))
     elif hidden_entries:
-        names = ", ".join(f"{field['name']} of {row['subject']}" for row in hidden_entries for field in row["fields"])
-        skip(case, f"could not be compared: {names}")
+        names = join(
+            ", ",
+            (
+                msg(f"{arg(field['name'])} of {arg(row['subject'])}")
+                for row in hidden_entries
+                for field in row["fields"]
+            ),
+        )
+        skip(case, msg(f"could not be compared: {arg(names)}"))
     if beside:
         add_output(case, *_lines(beside, confirmation))
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report.summary import count_limits
 
@@ -80,15 +81,15 @@ class LinksReport:
 
     def _lines(self) -> Iterator[str]:
         what = "emulated devices; no real device was contacted" if self.is_rehearsal else "nothing was changed"
-        yield f"Links of {self.site} ({self.title}), the preferred one first: {what}"
+        yield msg(f"Links of {arg(self.site)} ({arg(self.title)}), the preferred one first: {arg(what)}")
         for number, (name, link) in enumerate(self.bearers.items(), start=1):
             yield ""
             yield from _block(number, name, link, self.time_zone)
         yield ""
-        yield from (f"not queried: {device}: {why}" for device, why in self.not_asked.items())
+        yield from (msg(f"not queried: {arg(device)}: {arg(why)}") for device, why in self.not_asked.items())
         cost_of = "cost of a real run over" if self.is_rehearsal else "cost of this run over"
-        yield from (f"{cost_of} {name}: {link['words']}" for name, link in self.costs.items())
-        yield from (f"note: {' '.join(note.split())}" for note in self.notes)
+        yield from (msg(f"{arg(cost_of)} {arg(name)}: {arg(link['words'])}") for name, link in self.costs.items())
+        yield from (msg(f"note: {arg(' '.join(note.split()))}") for note in self.notes)
         if self.not_rehearsed:
             yield count_limits(len(self.not_rehearsed))
         yield self._closing()
@@ -98,29 +99,29 @@ class LinksReport:
         preferred_link = next(iter(self.bearers), "")
         active = [name for name, entry in self.bearers.items() if entry["active"]]
         if not self.queried_devices:
-            return f"No device was queried, so nothing is known about {self.site}"
+            return msg(f"No device was queried, so nothing is known about {arg(self.site)}")
         if any(link["active"] is None for link in self.bearers.values()):
-            return f"Which link carries the traffic of {self.site} is not known: the router was not read"
+            return msg(f"Which link carries the traffic of {arg(self.site)} is not known: the router was not read")
         if not active:
-            return f"NO LINK carries the traffic of {self.site}"
+            return msg(f"NO LINK carries the traffic of {arg(self.site)}")
         if len(active) > 1:
-            return f"{' and '.join(active)} share the traffic of {self.site}"
-        words = f"{active[0]} carries the traffic of {self.site}"
+            return msg(f"{arg(' and '.join(active))} share the traffic of {arg(self.site)}")
+        words = msg(f"{arg(active[0])} carries the traffic of {arg(self.site)}")
         if active[0] == preferred_link:
-            return f"{words}: it is the preferred link"
+            return msg(f"{arg(words)}: it is the preferred link")
         cost_note = "; it is metered" if self.bearers[active[0]]["metered"] else ""
-        return f"{words}: it is NOT the preferred link, which is {preferred_link}{cost_note}"
+        return msg(f"{arg(words)}: it is NOT the preferred link, which is {arg(preferred_link)}{arg(cost_note)}")
 
 
 def _block(number: int, name: str, link: Mapping[str, Any], zone: str) -> Iterator[str]:
     kind = translate(_KINDS.get(link["kind"], link["kind"]))
     box = f", {translate(link['box'])}" if link["box"] else ""
-    yield f"{number}. {name}: {kind}{box}"
-    yield from _lines("state", ", ".join(_state(link)))
+    yield msg(f"{arg(number)}. {arg(name)}: {arg(kind)}{arg(box)}")
+    yield from _lines("state", join(", ", _state(link)))
     for title, words in _quality(link["kind"], link["quality"]):
         yield from _lines(title, words)
     if link["probe_bytes"]:
-        cost_note = f" ({_size(link['probe_bytes'])}, metered)" if link["metered"] else ""
+        cost_note = msg(f" ({arg(_size(link['probe_bytes']))}, metered)" if link["metered"] else "")
         yield from _lines("probe", f"{_probe(link['quality'])}{cost_note}")
     yield from _lines("this month", _month(link, zone))
     for title, words in zip_longest(("background",), link["standing"]["words"], fillvalue=""):
@@ -135,7 +136,7 @@ def _lines(title: str, words: str) -> Iterator[str]:
     """Yield the lines of one entry, wrapped at the console width."""
     title, words = translate(title), translate(words)
     for number, part in enumerate(wrap(words, _WIDTH - _MARGIN, break_long_words=False, break_on_hyphens=False)):
-        yield f"   {'' if number else title:<{_MARGIN}}{part}"
+        yield msg(f"   {arg('' if number else title):<{_MARGIN}}{arg(part)}")
 
 
 def _state(link: Mapping[str, Any]) -> Iterator[str]:
@@ -153,16 +154,18 @@ def _probe(quality: Mapping[str, Any]) -> str:
     loss, rtt = quality.get("loss_percent"), quality.get("rtt_ms")
     if loss == 100:  # noqa: PLR2004 - per cent
         return "no probe target responds"
-    time = "" if rtt is None else f" within {rtt:g} ms"
-    return f"probe targets respond{time}" + (f", {loss} % lost" if loss else "")
+    time = msg("" if rtt is None else f" within {arg(rtt):g} ms")
+    return msg(f"probe targets respond{arg(time)}" + (f", {arg(loss)} % lost" if loss else ""))
 
 
 def _month(link: Mapping[str, Any], zone: str) -> str:
     if link["month_bytes"] is None:
         return "not counted yet"
     gaps = len(link["month_gaps"])
-    more = f"; at least: {gaps} gaps in the count" if gaps > 1 else "; at least: one gap in the count" if gaps else ""
-    return f"{_size(link['month_bytes'])}, counted since {_since(link['month_since'], zone)}{more}"
+    more = msg(
+        f"; at least: {arg(gaps)} gaps in the count" if gaps > 1 else "; at least: one gap in the count" if gaps else ""
+    )
+    return msg(f"{arg(_size(link['month_bytes']))}, counted since {arg(_since(link['month_since'], zone))}{arg(more)}")
 
 
 def _since(stamp: str | None, zone: str) -> str:
@@ -180,28 +183,31 @@ def _quality(kind: str, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]
     if words is not None:
         yield from words(quality)
     if quality.get("port_link") is not None:
-        yield "port", f"{quality['port']}, link {quality['port_link']}"
+        yield "port", msg(f"{arg(quality['port'])}, link {arg(quality['port_link'])}")
 
 
 def _wifi_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     parts = list(_signal(quality))
     if parts:
-        yield "signal", "; ".join(parts)
+        yield "signal", join("; ", parts)
     flow = [*_tx_rx_text(quality, "", "rate_mbps", "Mbit/s"), *_tx_rx_text(quality, "CCQ ", "ccq_percent", "%")]
     if flow:
-        yield "rates", ", ".join(flow)
+        yield "rates", join(", ", flow)
     if quality.get("status") is not None or quality.get("channel") is not None:
-        yield "radio", ", ".join(str(quality[name]) for name in ("status", "channel") if quality.get(name) is not None)
+        yield (
+            "radio",
+            join(", ", (str(quality[name]) for name in ("status", "channel") if quality.get(name) is not None)),
+        )
 
 
 def _signal(quality: Mapping[str, Any]) -> Iterator[str]:
     level, far = quality.get("signal_dbm"), quality.get("far_signal_dbm")
     if level is not None:
         chains = [value for name, value in quality.items() if name.startswith("signal_chain") and value is not None]
-        more = f" (chains {', '.join(f'{value:g}' for value in chains)})" if chains else ""
+        more = msg(f" (chains {arg(join(', ', (f'{value:g}' for value in chains)))})" if chains else "")
         yield f"{_radio_grade(level)}, {level:g} dBm{more}"
     if far is not None:
-        yield f"the other end receives {far:g} dBm"
+        yield msg(f"the other end receives {arg(far):g} dBm")
 
 
 def _radio_grade(level: float) -> str:
@@ -214,7 +220,7 @@ def _radio_grade(level: float) -> str:
 def _tx_rx_text(quality: Mapping[str, Any], title: str, name: str, unit: str) -> Iterator[str]:
     tx_value, rx_value = quality.get(f"tx_{name}"), quality.get(f"rx_{name}")
     if tx_value is not None and rx_value is not None:
-        yield f"{title}{tx_value:g}/{rx_value:g} {unit} sent/received"
+        yield msg(f"{arg(title)}{arg(tx_value):g}/{arg(rx_value):g} {arg(unit)} sent/received")
     elif tx_value is not None or rx_value is not None:
         yield f"{title}{tx_value if tx_value is not None else rx_value:g} {unit}"
 
@@ -230,20 +236,20 @@ _GRADES = {
 def _lte_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     levels = [_level(key, quality[key]) for key in _GRADES if quality.get(key) is not None]
     if levels:
-        yield "signal", ", ".join(levels)
+        yield "signal", join(", ", levels)
     network = [str(quality[name]) for name in ("operator", "plmn", "access_tech", "band") if quality.get(name)]
     if quality.get("registration") is not None:
-        yield "network", ", ".join([str(quality["registration"]).replace("_", " "), *network])
+        yield "network", join(", ", [str(quality["registration"]).replace("_", " "), *network])
     if quality.get("address") is not None or quality.get("apn") is not None:
         identity = [("address", quality.get("address")), ("APN", quality.get("apn"))]
-        words = ", ".join(f"{name} {value}" for name, value in identity if value is not None)
-        yield "data", f"{words}{', behind carrier NAT' if quality.get('carrier_nat') == 'yes' else ''}"
+        words = join(", ", (f"{name} {value}" for name, value in identity if value is not None))
+        yield "data", msg(f"{arg(words)}{', behind carrier NAT' if quality.get('carrier_nat') == 'yes' else ''}")
 
 
 def _level(key: str, value: float) -> str:
     name, good, poor, unit = _GRADES[key]
     grade = translate("good") if value > good else translate("poor") if value < poor else translate("fair")
-    return f"{name} {value:g} {unit} ({grade})"
+    return msg(f"{arg(name)} {arg(value):g} {arg(unit)} ({arg(grade)})")
 
 
 def _terminal_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -252,12 +258,14 @@ def _terminal_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     )
     firmware = None
     if quality.get("firmware") is not None:
-        firmware = f"firmware {quality['firmware']}, seen by {quality['seen_by']} on {quality['seen_on']}"
+        firmware = msg(
+            f"firmware {arg(quality['firmware'])}, seen by {arg(quality['seen_by'])} on {arg(quality['seen_on'])}"
+        )
     if reachability or firmware:
-        yield "terminal", ", ".join(words for words in (reachability, firmware) if words)
+        yield "terminal", join(", ", (words for words in (reachability, firmware) if words))
     if quality.get("kept_off_packets") is not None:
         packets, nbytes = quality["kept_off_packets"], _size(quality["kept_off_bytes"])
-        yield "blocked", f"{packets} packets ({nbytes}) outside the allow-list"
+        yield "blocked", msg(f"{arg(packets)} packets ({arg(nbytes)}) outside the allow-list")
 
 
 def _size(nbytes: int) -> str:

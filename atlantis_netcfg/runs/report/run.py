@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.runs.report.summary import DeviceEnd, Summary, ending, rows_of_plan
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 def consent_question(cost: Mapping[str, Any]) -> str:
     """Return the cost text shown before consent; use of a link other than the expected one comes first."""
-    return f"{cost['instead']}; {cost['words']}" if cost["instead"] else str(cost["words"])
+    return msg(f"{arg(cost['instead'])}; {arg(cost['words'])}") if cost["instead"] else str(cost["words"])
 
 
 def cost_lines(result: Mapping[str, Any], *, is_rehearsal: bool) -> Iterator[str]:
@@ -26,8 +27,8 @@ def cost_lines(result: Mapping[str, Any], *, is_rehearsal: bool) -> Iterator[str
     if cost is None:
         return
     if is_rehearsal and cost["words"]:
-        yield f"a real run needs your consent: {consent_question(cost)}"
-    yield f"{'and costs' if is_rehearsal else 'cost over ' + str(cost['bearer'])}: {cost['bill_words']}"
+        yield msg(f"a real run needs your consent: {arg(consent_question(cost))}")
+    yield msg(f"{arg('and costs' if is_rehearsal else 'cost over ' + str(cost['bearer']))}: {arg(cost['bill_words'])}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +176,7 @@ class RunReport:
             if item.device == name and item.result["exit"] != ExitCode.DONE:
                 return item.result
             if item.device == name and item.remaining_changes:
-                words = f"a second run over {item.bearer} still finds {item.remaining_changes} changes"
+                words = msg(f"a second run over {arg(item.bearer)} still finds {arg(item.remaining_changes)} changes")
                 return {**item.result, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": None}
         return result
 
@@ -198,23 +199,23 @@ class RunReport:
             yield from self._bill(result, below)
             for item in self.passes:
                 if item.device == name:
-                    words = translate(f"second run over {item.bearer}")
-                    yield f"{below}{words}: {_remaining_text(item)}{_cost(item.result)}"
+                    words = translate(f"second run over {arg(item.bearer)}")
+                    yield msg(f"{arg(below)}{arg(words)}: {arg(_remaining_text(item))}{arg(_cost(item.result))}")
                     yield from self._bill(item.result, below)
             yield from (_note("note", note, column) for note in result["notes"])
             yield from (_note("drift", drift["message"], column) for drift in result["drift"])
         yield from self._absent_rows(column)
         if self.is_rehearsal and self.verbose:
-            yield from (f"  {translate(f'not rehearsed: {item}')}" for item in self.not_rehearsed)
+            yield from (f"  {translate(f'not rehearsed: {arg(item)}')}" for item in self.not_rehearsed)
 
     def _absent_rows(self, column: int) -> Iterable[printable.Row]:
         start = f"<{column - 3}"
         for name, reason in self.left_out.items():
             why = translate(reason)
-            words = translate(f"not rehearsed: {why}")
+            words = translate(f"not rehearsed: {arg(why)}")
             yield (f"  {name:{start}} ", printable.StyledText(words, printable.Style.WARNING))
         for name, kind in self.not_handled.items():
-            words = translate(f"not supported yet ({kind.replace('_', ' ')})")
+            words = translate(f"not supported yet ({arg(kind.replace('_', ' '))})")
             yield (f"  {name:{start}} ", printable.StyledText(words, printable.Style.WARNING))
 
     def _bill(self, result: Mapping[str, Any], below: str) -> Iterable[printable.Row]:
@@ -303,8 +304,10 @@ def _plan_cost(result: Mapping[str, Any]) -> Iterable[printable.Row]:
     estimate = result["estimate"]
     if estimate is not None:
         size = estimate["bytes"] / 1000
-        cost = f"{estimate['round_trips']} round trips, {size:.0f} kB, about {estimate['seconds']:.0f} s"
-        words = f"{_changes(result)} over {estimate['bearer']}: {cost}"
+        cost = msg(
+            f"{arg(estimate['round_trips'])} round trips, {arg(size):.0f} kB, about {arg(estimate['seconds']):.0f} s"
+        )
+        words = msg(f"{arg(_changes(result))} over {arg(estimate['bearer'])}: {arg(cost)}")
         yield f"  {translate(words)}"
     elif result["planned"]:
         yield f"  {translate('no estimate')}"
@@ -317,13 +320,13 @@ def _plan_cost(result: Mapping[str, Any]) -> Iterable[printable.Row]:
 def _changes(result: Mapping[str, Any]) -> str:
     """Return the number of actions, and of rows if an action covers several."""
     number, rows = result["planned"], result.get("rows", 0)
-    return f"{number} changes" if rows in (0, number) else f"{number} changes of {rows} rows"
+    return msg(f"{arg(number)} changes" if rows in (0, number) else f"{arg(number)} changes of {arg(rows)} rows")
 
 
 def _remaining_text(unit: Pass) -> str:
     if unit.result["exit"] != ExitCode.DONE:
         return translate(unit.result["message"])
-    return translate(f"{unit.remaining_changes} changes LEFT" if unit.remaining_changes else "0 changes")
+    return translate(f"{arg(unit.remaining_changes)} changes LEFT" if unit.remaining_changes else "0 changes")
 
 
 def _cost(result: Mapping[str, Any]) -> str:
@@ -331,5 +334,5 @@ def _cost(result: Mapping[str, Any]) -> str:
     if not trips:
         return f" ({result['seconds']:.1f} s)" if result["seconds"] else ""
     size = sum(result["bytes"].values()) / 1000
-    words = f"{trips} round trips, {size:.1f} kB, {result['seconds']:.1f} s"
+    words = msg(f"{arg(trips)} round trips, {arg(size):.1f} kB, {arg(result['seconds']):.1f} s")
     return f" ({translate(words)})"

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 from atlantis_netcfg.core.language import as_typed, translate
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -155,12 +156,14 @@ class Summary:
         Where that takes more than the last lines on a screen, reason and counts come before the verdict and the advice.
         """
         style, mark = self._style()
-        verdict_lines = _wrap(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
+        verdict_lines = _wrap(f"{mark} {self.verdict()}", width, len(mark) + 1)
         verdict: list[printable.Row] = [printable.StyledText(line, style) for line in verdict_lines]
         counts = list(_label_lines("devices", self._counts(), width))
         if self.purpose == "plan" and any(self.rows):
             add_count, change_count, remove_count = self.rows
-            plan = translate(f"{add_count} rows to add, {change_count} to change, {remove_count} to remove")
+            plan = translate(
+                f"{arg(add_count)} rows to add, {arg(change_count)} to change, {arg(remove_count)} to remove"
+            )
             counts += _label_lines("plan", plan, width)
         reason = list(_label_lines("check", self._reason(), width)) if self._reason() else []
         advice = list(_advice(self._advice_text(), width)) if self._advice_text() else []
@@ -169,7 +172,7 @@ class Summary:
         if self.next_command:
             advice += _command(self.next_command, width)
         if self.record:
-            advice += _label_lines("record", self.record, width)
+            advice += _label_lines("record", translate(self.record), width)
         rows: list[printable.Row] = [*verdict, *counts, *reason, *advice]
         height = sum(1 + (len(printable.plain(row)) - 1) // width for row in rows)
         return ["", *rows] if height <= _LINES else ["", *reason, *counts, *verdict, *advice]
@@ -181,12 +184,12 @@ class Summary:
 
     def _headline(self) -> tuple[str, str]:
         if self.stopped_by:
-            return f"STOPPED by {self.stopped_by}", self._stopped_text()
+            return msg(f"STOPPED by {arg(self.stopped_by)}"), self._stopped_text()
         if self.exit is ExitCode.DONE:
             return self._success_words()
         if self.exit is ExitCode.CHANGES:
             number = list(self.endings.values()).count(DeviceEnd.TO_CHANGE)
-            return "PLANNED", f"{_devices(number)} would change; nothing was changed"
+            return "PLANNED", msg(f"{arg(_devices(number))} would change; nothing was changed")
         return self._failure_words()
 
     def _stopped_text(self) -> str:
@@ -203,7 +206,7 @@ class Summary:
         whole, in_part, warning_text, sentence = self._good_words()
         active_count = sum(each in _ACTIVE_ENDS for each in how)
         if active_count < len(how):
-            return in_part, f"{active_count} of {_devices(len(how))} took part; {sentence}"
+            return in_part, msg(f"{arg(active_count)} of {arg(_devices(len(how)))} took part; {arg(sentence)}")
         return warning_text if self.warned_devices else whole, sentence
 
     def _good_words(self) -> tuple[str, str, str, str]:
@@ -228,7 +231,7 @@ class Summary:
 
     def _rehearsed_words(self) -> str:
         if self.passes:
-            return f"repeated over {_links(self.passes)}: no further changes"
+            return msg(f"repeated over {arg(_links(self.passes))}: no further changes")
         if DeviceEnd.CHANGED in self.endings.values():
             return "emulated devices were changed to match the inventory, and read back"
         return "emulated devices were read, nothing was changed"
@@ -237,7 +240,9 @@ class Summary:
         worst = self.endings.get(self._worst(), DeviceEnd.NOT_CHECKED)
         devices = [device for device, how in self.endings.items() if how is worst]
         word, single, several = _BAD[worst]
-        return word, single.format(device=devices[0]) if len(devices) == 1 else several.format(count=len(devices))
+        if len(devices) == 1:
+            return word, msg(single.format(device=arg(devices[0])))
+        return word, msg(several.format(count=arg(len(devices))))
 
     def _style(self) -> tuple[printable.Style, str]:
         """Return colour and symbol of the verdict: green only if every device was read and none has a warning."""
@@ -256,10 +261,11 @@ class Summary:
 
     def _counts(self) -> str:
         count_by_end = Counter(self.endings.values())
-        parts = [translate(f"{count_by_end[how]} {how}") for how in DeviceEnd if how in ALWAYS or count_by_end[how]]
+        shown = [how for how in DeviceEnd if how in ALWAYS or count_by_end[how]]
+        parts = [translate(f"{arg(count_by_end[how])} {arg(how)}") for how in shown]
         if self.warned_devices:
-            parts.append(translate(f"{len(self.warned_devices)} with a warning"))
-        return f"{len(self.endings)}: {', '.join(parts)}"
+            parts.append(translate(f"{arg(len(self.warned_devices))} with a warning"))
+        return msg(f"{arg(len(self.endings))}: {arg(join(', ', parts))}")
 
     def _worst(self) -> str:
         """Return the most urgent device; empty if none needs attention."""
@@ -280,7 +286,7 @@ class Summary:
         if self.warned_devices:
             first = self.warned_devices[0]
             words = translate(warnings(self.results[first])[0])
-            return words if first in words else f"{first}: {words}"
+            return words if first in words else msg(f"{arg(first)}: {arg(words)}")
         for device, (how, why) in self.unseen.items():
             return f"{device}: {translate(how.value)}{f': {translate(why)}' if why else ''}"
         return ""
@@ -297,18 +303,18 @@ def _is_fine(result: Mapping[str, Any]) -> bool:
 
 
 def _devices(number: int) -> str:
-    return "1 device" if number == 1 else f"{number} devices"
+    return msg("1 device" if number == 1 else f"{arg(number)} devices")
 
 
 def _links(number: int) -> str:
-    return "1 link" if number == 1 else f"{number} links"
+    return msg("1 link" if number == 1 else f"{arg(number)} links")
 
 
 def count_limits(number: int, option: str = "--json") -> str:
     """Return how many limits a rehearsal has, and the option that lists them."""
     if number == 1:
-        return f"1 limit of this rehearsal (`{option}` lists it)"
-    return f"{number} limits of this rehearsal (`{option}` lists them)"
+        return msg(f"1 limit of this rehearsal (`{arg(option)}` lists it)")
+    return msg(f"{arg(number)} limits of this rehearsal (`{arg(option)}` lists them)")
 
 
 def _wrap(text: str, width: int, indent: int) -> list[str]:

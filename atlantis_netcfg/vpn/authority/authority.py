@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.messages import arg, join
 from atlantis_netcfg.core.paths import require_own
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import ledger, pki
@@ -61,7 +62,7 @@ def require_authority(folder: Path) -> None:
         return
     _check_leftovers(folder)
     raise model.NoAuthority(
-        f"there is no authority in {folder}", hint="`provision vpn init` creates one; `authority=DIR` names it"
+        f"there is no authority in {arg(folder)}", hint="`provision vpn init` creates one; `authority=DIR` names it"
     )
 
 
@@ -131,8 +132,8 @@ def _check_leftovers(folder: Path) -> None:
     """Raise CorruptAuthorityError if the files are not those of a killed `init`."""
     if not (folder / UNFINISHED_MARK).exists() and (leftovers := _remains(folder)):
         raise model.CorruptAuthorityError(
-            f"{folder} has {leftovers}, but no ledger: without it nothing can be issued or revoked",
-            hint=f"restore {ledger.FILE} from your backup of the authority",
+            f"{arg(folder)} has {arg(leftovers)}, but no ledger: without it nothing can be issued or revoked",
+            hint=f"restore {arg(ledger.FILE)} from your backup of the authority",
         )
 
 
@@ -140,15 +141,15 @@ def _remains(folder: Path) -> str | None:
     """Return the files in the folder that only an authority has; None if there are none."""
     names = (model.CA, model.CRL, *model.SEALED_KEY_FILES.values())
     present_names = [name for name in names if (folder / name).exists()]
-    return ", ".join(present_names) or None
+    return join(", ", present_names) or None
 
 
 def _require_same_names(folder: Path, names: model.ServerNames) -> None:
     server = ledger.LedgerState(ledger.read(folder / ledger.FILE).sound().entries).server
     if server is None or names_of(server) != names:
-        server_text = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
+        server_text = "nothing" if server is None else join(", ", (*server.dns, *map(str, server.addresses)))
         raise UsageError(
-            f"{folder} already has an authority, whose server is {server_text}: it is not overwritten",
+            f"{arg(folder)} already has an authority, whose server is {arg(server_text)}: it is not overwritten",
             hint="use another folder: authority=DIR",
         )
 
@@ -165,7 +166,7 @@ def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
         }
     if not sealed_files:
         raise model.CorruptAuthorityError(
-            f"the CA key is missing in {folder}", hint="restore it from a backup of the authority"
+            f"the CA key is missing in {arg(folder)}", hint="restore it from a backup of the authority"
         )
     wrong: Exception | None = None
     # A backup may have put a second one there: either passphrase opens its own.
@@ -285,7 +286,7 @@ class Authority:
         facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
         if facts.sha256 != self.membership().crl_sha256:
             raise model.CorruptAuthorityError(
-                f"{model.CRL} (number {facts.number}) is not the revocation list that was recorded last",
+                f"{arg(model.CRL)} (number {arg(facts.number)}) is not the revocation list that was recorded last",
                 hint="`provision vpn sync --sign` signs a new one",
             )
         return pem
@@ -333,7 +334,7 @@ class Authority:
                 ca.certificate
             ):
                 raise model.CorruptAuthorityError(
-                    f"{model.CA} is not the certificate authority of the ledger",
+                    f"{arg(model.CA)} is not the certificate authority of the ledger",
                     hint="restore both from the same backup of the authority",
                 )
             read_head(self.folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)

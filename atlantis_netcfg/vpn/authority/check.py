@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import ledger_session, model
 from atlantis_netcfg.vpn.authority.model import is_held, os_errors_as
@@ -48,10 +49,10 @@ def problems(folder: Path, now: datetime) -> Iterator[str]:
     try:
         reading, state, ca = _load_authority(folder)
     except (NetcfgError, OSError, ValueError) as error:
-        yield f"the authority in {folder} cannot be read: {error}"
+        yield msg(f"the authority in {arg(folder)} cannot be read: {arg(error)}")
         return
     if reading.damage is not None:
-        yield f"{reading.damage}; nothing is signed until this is repaired"
+        yield msg(f"{arg(reading.damage)}; nothing is signed until this is repaired")
     yield from _disagreements(folder, reading, state, ca, _head(folder, reading, state, ca))
     yield from _check_expiry(folder, state, ca, now)
     yield from _check_member_expiry(state, now)
@@ -101,7 +102,7 @@ def _disagreements(
 ) -> Iterator[str]:
     """Yield contradictions between the ledger and its head, the certificates and the list, in both directions."""
     if not _is_of_ledger(state, ca):
-        yield f"{model.CA} is not the certificate authority of the ledger"
+        yield msg(f"{arg(model.CA)} is not the certificate authority of the ledger")
         return
     if isinstance(head, NetcfgError):
         yield str(head)
@@ -126,9 +127,9 @@ def _check_unsigned_lines(
         return
     for entry in reading.entries[head.line :]:
         if not isinstance(entry.record, _WITHOUT_KEY):
-            yield (
-                f"line {entry.number} of the ledger must be signed by the CA key but is not: a command was killed at "
-                "its end, or something else wrote the line"
+            yield msg(
+                f"line {arg(entry.number)} of the ledger must be signed by the CA key but is not: a command was killed "
+                "at its end, or something else wrote the line"
             )
 
 
@@ -137,34 +138,38 @@ def _check_certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[st
         try:
             certificate = pki.load_cert(model.copy_of(item).decode("ascii"))
         except NetcfgError:
-            yield f"the ledger's entry for {item.common_name} is not a certificate"
+            yield msg(f"the ledger's entry for {arg(item.common_name)} is not a certificate")
             continue
         reply = (item.serial, item.sha256, item.not_before, item.not_after, f"CN={item.common_name}")
         dates = (certificate.not_valid_before_utc, certificate.not_valid_after_utc)
         has = (certificate.serial_number, pki.sha256(certificate), *dates, certificate.subject.rfc4514_string())
         if reply != has or not pki.issued_by(certificate, ca):
-            yield f"the certificate of {item.common_name} in the ledger was not signed like this by this authority"
+            yield msg(
+                f"the certificate of {arg(item.common_name)} in the ledger was not signed like this by this authority"
+            )
 
 
 def _check_times(entries: Sequence[LedgerEntry]) -> Iterator[str]:
     for before, after in pairwise(entries):
         if after.at < before.at and not isinstance(after.record, records.ClockTrustRecord):
-            yield f"line {after.number} of the ledger is older than the line before it"
+            yield msg(f"line {arg(after.number)} of the ledger is older than the line before it")
 
 
 def _check_unfinished(folder: Path, state: LedgerState) -> Iterator[str]:
     if state.open and not is_held(folder):
-        commands = ", ".join(
-            sorted(f"{record.command} {' '.join(record.names[:3])}".strip() for record in state.open.values())
+        commands = join(
+            ", ", sorted(f"{record.command} {' '.join(record.names[:3])}".strip() for record in state.open.values())
         )
-        yield f"a command was not completed ({commands}): the next one that signs repairs it"
+        yield msg(f"a command was not completed ({arg(commands)}): the next one that signs repairs it")
 
 
 def _check_expiry(folder: Path, state: LedgerState, ca: x509.Certificate, now: datetime) -> Iterator[str]:
     if ca.not_valid_after_utc - now < CA_SOON:
-        yield f"the certificate authority expires on {ca.not_valid_after_utc:%Y-%m-%d}: create a new one in time"
+        yield msg(
+            f"the certificate authority expires on {arg(ca.not_valid_after_utc):%Y-%m-%d}: create a new one in time"
+        )
     if state.server is not None and state.server.not_after - now < SOON:
-        yield f"the server's certificate expires on {state.server.not_after:%Y-%m-%d}"
+        yield msg(f"the server's certificate expires on {arg(state.server.not_after):%Y-%m-%d}")
     try:
         pem = (folder / model.CRL).read_bytes()
         following = pki.read_crl(pem, ca).next_update
@@ -173,10 +178,12 @@ def _check_expiry(folder: Path, state: LedgerState, ca: x509.Certificate, now: d
     try:
         pki.check_crl(pem, ca, above=None, now=now)
     except pki.InvalidCrlError as error:
-        yield f"{model.CRL} would lock everybody out, or admit revoked members: {error}"
+        yield msg(f"{arg(model.CRL)} would lock everybody out, or admit revoked members: {arg(error)}")
         return
     if following - now < SOON:
-        yield f"{model.CRL} expires on {following:%Y-%m-%d}; then nobody can connect: provision vpn sync --sign"
+        yield msg(
+            f"{arg(model.CRL)} expires on {arg(following):%Y-%m-%d}; then nobody can connect: provision vpn sync --sign"
+        )
 
 
 def _check_server(folder: Path, state: LedgerState) -> Iterator[str]:
@@ -185,10 +192,10 @@ def _check_server(folder: Path, state: LedgerState) -> Iterator[str]:
     try:
         certificate = pki.load_cert((folder / model.SERVER_CERT).read_text(encoding="ascii"))
     except (pki.CorruptKeyError, OSError, ValueError) as error:
-        yield f"{model.SERVER_CERT} cannot be read: {error}"
+        yield msg(f"{arg(model.SERVER_CERT)} cannot be read: {arg(error)}")
         return
     if pki.sha256(certificate) != state.server.sha256:
-        yield f"{model.SERVER_CERT} is not the certificate that was recorded"
+        yield msg(f"{arg(model.SERVER_CERT)} is not the certificate that was recorded")
 
 
 def _check_copies(folder: Path, state: LedgerState) -> Iterator[str]:
@@ -196,43 +203,52 @@ def _check_copies(folder: Path, state: LedgerState) -> Iterator[str]:
     there = {path.name: path for path in sorted((folder / model.CERTS).glob("[!.]*"))}
     for name, path in there.items():
         if name not in recorded_copies:
-            yield f"{model.CERTS}/{name} is not in the record: it was not issued here, or the ledger is an old copy"
+            yield msg(
+                f"{arg(model.CERTS)}/{arg(name)} is not in the record: it was not issued here, or the ledger is an old "
+                "copy"
+            )
         elif path.read_bytes() != recorded_copies[name]:
-            yield f"{model.CERTS}/{name} is not the certificate that was recorded"
+            yield msg(f"{arg(model.CERTS)}/{arg(name)} is not the certificate that was recorded")
     for name in recorded_copies.keys() - there.keys():
-        yield f"{model.CERTS}/{name} is missing; the next command that signs writes it again"
+        yield msg(f"{arg(model.CERTS)}/{arg(name)} is missing; the next command that signs writes it again")
 
 
 def _check_crl(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     try:
         facts = pki.read_crl((folder / model.CRL).read_bytes(), ca)
     except OSError as error:
-        yield f"{model.CRL} cannot be read: {error.strerror}"
+        yield msg(f"{arg(model.CRL)} cannot be read: {arg(error.strerror)}")
         return
     except pki.InvalidCrlError as error:
-        yield f"{model.CRL} would lock everybody out, or admit revoked members: {error}"
+        yield msg(f"{arg(model.CRL)} would lock everybody out, or admit revoked members: {arg(error)}")
         return
     membership = state.membership()
     if facts.sha256 != membership.crl_sha256:
-        yield (
-            f"{model.CRL} (number {facts.number}) is not the revocation list that was recorded last (number "
-            f"{membership.crl_number})"
+        yield msg(
+            f"{arg(model.CRL)} (number {arg(facts.number)}) is not the revocation list that was recorded last (number "
+            f"{arg(membership.crl_number)})"
         )
     serials = {revoked_serial.serial for revoked_serial in ledger_session.revoked_serials(state)}
     for serial in sorted(serials - facts.serials):
-        yield f"{model.CRL} lacks serial {serial:x}, which is revoked: provision vpn sync --sign"
+        yield msg(f"{arg(model.CRL)} lacks serial {arg(serial):x}, which is revoked: provision vpn sync --sign")
     for more in sorted(facts.serials - serials):
-        yield f"{model.CRL} contains serial {more:x}, which is not revoked in the record: the ledger is an old copy"
+        yield msg(
+            f"{arg(model.CRL)} contains serial {arg(more):x}, which is not revoked in the record: the ledger is an old "
+            "copy"
+        )
 
 
 def _check_member_expiry(state: LedgerState, now: datetime) -> Iterator[str]:
     for member in state.membership().members.values():
         if member.good and (last := member.good[-1]).not_after - now < SOON:
             ends = "ended" if last.not_after <= now else "ends"
-            yield f"{last.common_name} {ends} on {last.not_after:%Y-%m-%d}: provision vpn renew name={member.name}"
+            yield msg(
+                f"{arg(last.common_name)} {arg(ends)} on {arg(last.not_after):%Y-%m-%d}: provision vpn renew "
+                f"name={arg(member.name)}"
+            )
 
 
 def _check_file_modes(folder: Path) -> Iterator[str]:
     for path in (folder, *(folder / name for name in _PRIVATE)):
         if path.exists() and path.stat().st_mode & 0o077:
-            yield f"{path} can be read by others: chmod go= {path}"
+            yield msg(f"{arg(path)} can be read by others: chmod go= {arg(path)}")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 from cryptography.exceptions import UnsupportedAlgorithm
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import identity, pki
@@ -67,8 +68,8 @@ class LedgerSession:
             return
         if not is_trusted:
             raise model.ClockBehind(
-                f"the clock of this computer says {now:%Y-%m-%d %H:%M} UTC, but the last record of the authority is "
-                f"of {last:%Y-%m-%d %H:%M} UTC: a signature made now could be refused or expire too early",
+                f"the clock of this computer says {arg(now):%Y-%m-%d %H:%M} UTC, but the last record of the authority "
+                f"is of {arg(last):%Y-%m-%d %H:%M} UTC: a signature made now could be refused or expire too early",
                 hint="set the clock, then run the same command again; if the clock is right and was wrong before: "
                 "add clock=right",
             )
@@ -134,13 +135,14 @@ class Head:
         on = f"{self.at:%Y-%m-%d %H:%M} UTC"
         if len(digests) < self.line:
             raise model.CorruptAuthorityError(
-                f"the ledger has {len(digests)} lines, but {self.line} were signed on {on}: its end is missing, or "
-                "it is an old copy",
+                f"the ledger has {arg(len(digests))} lines, but {arg(self.line)} were signed on {arg(on)}: its end is "
+                "missing, or it is an old copy",
                 hint=_RESTORE,
             )
         if self.line and digests[self.line - 1] != self.digest:
             raise model.CorruptAuthorityError(
-                f"the first {self.line} lines of the ledger are not those that were signed on {on}", hint=_RESTORE
+                f"the first {arg(self.line)} lines of the ledger are not those that were signed on {arg(on)}",
+                hint=_RESTORE,
             )
 
 
@@ -171,7 +173,7 @@ def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
             if state.founded is not None and not state.founded.heads:
                 return _NONE
             raise model.CorruptAuthorityError(
-                f"{HEAD_FILE} is missing: the length of the ledger is not known", hint=_RESTORE
+                f"{arg(HEAD_FILE)} is missing: the length of the ledger is not known", hint=_RESTORE
             ) from None
     try:
         key = ca.public_key()
@@ -183,7 +185,9 @@ def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
     except (ValueError, KeyError, TypeError, AttributeError, UnsupportedAlgorithm):
         is_signed = False
     if not is_signed:
-        raise model.CorruptAuthorityError(f"{HEAD_FILE} is not signed by this authority: it was changed", hint=_RESTORE)
+        raise model.CorruptAuthorityError(
+            f"{arg(HEAD_FILE)} is not signed by this authority: it was changed", hint=_RESTORE
+        )
     return head
 
 
@@ -389,13 +393,16 @@ def beyond_record(folder: Path, state: LedgerState, ca: x509.Certificate, pem: b
         certificate.common_name for _, certificate in membership.certificates() if certificate.serial in unknown_serials
     )
     last = membership.crl_number
-    text = f"its revocation list has number {there.number}, but the last one in the record is {last}"
+    text = msg(f"its revocation list has number {arg(there.number)}, but the last one in the record is {arg(last)}")
     if there.number == last:
-        text = f"its revocation list has number {there.number} like the last one in the record, but a different content"
-    more = [f"it revokes {', '.join(good)}"] if good else []
+        text = msg(
+            f"its revocation list has number {arg(there.number)} like the last one in the record, but a different "
+            "content"
+        )
+    more = [msg(f"it revokes {arg(join(', ', good))}")] if good else []
     if strange := len(unknown_serials) - len(good):
-        more.append(f"it revokes {strange}, never issued in the record")
-    return "; ".join([text, *more])
+        more.append(msg(f"it revokes {arg(strange)}, never issued in the record"))
+    return join("; ", [text, *more])
 
 
 def _in_place(path: Path, ca: x509.Certificate) -> pki.CrlFacts | None:

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core import atomic_files, errors
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.runs import LockHolder
 from atlantis_netcfg.vpn import identity
 
@@ -177,7 +178,7 @@ def os_errors_as(what: str) -> Iterator[None]:
     except OSError as error:
         where = f" ({error.filename})" if error.filename else ""
         raise AuthorityError(
-            f"{what}: {error.strerror or error}{where}",
+            f"{arg(what)}: {arg(error.strerror or error)}{arg(where)}",
             hint="free disk space or correct the permissions, then run the same command again",
         ) from error
 
@@ -279,17 +280,18 @@ class Lock:
         while not _try_lock(self._descriptor, fcntl.LOCK_EX):
             if time.monotonic() >= until:
                 raise AuthorityBusy(
-                    f"the authority is locked by {self._holder()}, and was not released within {PATIENCE_S:.0f} s",
+                    f"the authority is locked by {arg(self._holder())}, and was not released within "
+                    f"{arg(PATIENCE_S):.0f} s",
                     hint="wait until that command has ended, then run the same command again",
                 )
             if not is_reported and self._waiting is not None:
-                self._waiting(f"waiting for {self._holder()}, who is working on the authority")
+                self._waiting(msg(f"waiting for {arg(self._holder())}, who is working on the authority"))
             is_reported = True
             time.sleep(_PAUSE_S)
 
     def _sign(self) -> None:
         """Write our name into the lock file. It is for information only: on a full disk the lock still works."""
-        data = json.dumps(asdict(LockHolder.me(f"as {self._who}"))).encode()
+        data = json.dumps(asdict(LockHolder.me(msg(f"as {arg(self._who)}")))).encode()
         with suppress(OSError):
             os.ftruncate(self._descriptor, 0)
             os.pwrite(self._descriptor, data, 0)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from cryptography.hazmat.primitives.serialization import Encoding
 
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.vpn import identity, names, pki
 from atlantis_netcfg.vpn.authority import ledger_session, model
 from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT, records
@@ -59,11 +60,12 @@ class AddressPool:
         """Assign an address of the inventory. Raises AddressTaken."""
         if pool is not None and not _usable(address, pool):
             raise model.AddressTaken(
-                f"{address} of `{name}` is not a device address in {pool}", hint=f"use one inside {pool}"
+                f"{arg(address)} of `{arg(name)}` is not a device address in {arg(pool)}",
+                hint=f"use one inside {arg(pool)}",
             )
         if (holder := self._used.get(address)) is not None:
             raise model.AddressTaken(
-                f"{address} of `{name}` is in use by {holder}", hint="name another address, or none"
+                f"{arg(address)} of `{arg(name)}` is in use by {arg(holder)}", hint="name another address, or none"
             )
         self._used[address] = f"`{name}`"
         return address
@@ -76,7 +78,7 @@ class AddressPool:
         resting_addresses = [item for item in self._resting if item not in self._used and _usable(item, pool)]
         if not resting_addresses:
             raise model.PoolFull(
-                f"no address is left for `{name}` in {pool}",
+                f"no address is left for `{arg(name)}` in {arg(pool)}",
                 hint="set a larger pool for the partner, or revoke devices that are no longer used",
             )
         return self.reserve(min(resting_addresses, key=self._resting.__getitem__), pool, name)
@@ -145,7 +147,7 @@ def plan_renewal(member: identity.Member, change: model.RenewalRequest) -> Plann
     """Plan the successor of a member's certificate. Raises UsageError."""
     if not member.good:
         raise errors.UsageError(
-            f"`{member.name}` was revoked: it cannot get a new certificate",
+            f"`{arg(member.name)}` was revoked: it cannot get a new certificate",
             hint="add the device under another name",
         )
     newest = member.good[-1]
@@ -174,8 +176,8 @@ def known_member(membership: identity.MembershipList, name: str) -> identity.Mem
         return member
     near = errors.nearest(name, membership.members)
     raise model.NoSuchMember(
-        f"the record has no member `{ascii(name)[1:-1][:60]}`",
-        hint=f"did you mean `{near}`?" if near else "`provision vpn list` shows them all",
+        f"the record has no member `{arg(ascii(name)[1:-1][:60])}`",
+        hint=f"did you mean `{arg(near)}`?" if near else "`provision vpn list` shows them all",
     )
 
 
@@ -189,8 +191,8 @@ def _find_member(membership: identity.MembershipList, request: model.EnrolmentRe
         _same(request, member)
     elif any(certificate.reason != NEVER_HANDED_OUT for certificate in member.certificates):
         raise names.NameTaken(
-            f"`{member.name}` was revoked: {member.certificates[-1].reason}. Names cannot be used again",
-            hint=f"for example device={request.device}-2",
+            f"`{arg(member.name)}` was revoked: {arg(member.certificates[-1].reason)}. Names cannot be used again",
+            hint=f"for example device={arg(request.device)}-2",
         )
     return member
 
@@ -203,14 +205,14 @@ def _check_request_name(request: model.EnrolmentRequest) -> None:
         right = names.member_name(request.partner, request.device)
     if request.name != right:
         raise names.InvalidNameError(
-            f"`{ascii(request.name)[1:-1][:60]}` is not the name `{right}`", hint="PARTNER-DEVICE"
+            f"`{arg(ascii(request.name)[1:-1][:60])}` is not the name `{arg(right)}`", hint="PARTNER-DEVICE"
         )
     if request.vehicle is not None:
         printable_text(request.vehicle, "the vehicle")
     printable_text(request.request_id, "the request's number")
     if request.address is None and request.pool is None:
         raise errors.UsageError(
-            f"`{request.name}` has neither an address nor a pool to take one from", hint="set its pool"
+            f"`{arg(request.name)}` has neither an address nor a pool to take one from", hint="set its pool"
         )
 
 
@@ -227,14 +229,16 @@ def _same(request: model.EnrolmentRequest, member: identity.Member) -> None:
         ("wrap", newest.wrap, request.wrap),
         ("key", newest.key, request.key),
     )
-    other = [f"{word} is {has}, not {new_value}" for word, has, new_value in pairs if has != new_value]
+    other = [
+        msg(f"{arg(word)} is {arg(has)}, not {arg(new_value)}") for word, has, new_value in pairs if has != new_value
+    ]
     if request.pool is not None and member.address not in request.pool:
-        other.append(f"its address {member.address} is outside {request.pool}")
+        other.append(msg(f"its address {arg(member.address)} is outside {arg(request.pool)}"))
     if other:
         raise model.OtherMember(
-            f"`{member.name}` is already in the VPN, with other settings: {'; '.join(other)}",
+            f"`{arg(member.name)}` is already in the VPN, with other settings: {arg(join('; ', other))}",
             hint=(
-                f"`provision vpn renew name={member.name}` changes link, wrap, key and system; otherwise use "
+                f"`provision vpn renew name={arg(member.name)}` changes link, wrap, key and system; otherwise use "
                 "another name"
             ),
         )
@@ -287,14 +291,14 @@ def _next_name(member: identity.Member) -> str:
 def _refuse_repeated(request_names: list[str]) -> None:
     counts = Counter(request_names)
     if twice := next((name for name, count in counts.items() if count > 1), None):
-        raise errors.UsageError(f"`{twice}` is here twice", hint="remove one of them")
+        raise errors.UsageError(f"`{arg(twice)}` is here twice", hint="remove one of them")
 
 
 def printable_text(message: str, what: str) -> str:
     """Check that a user's text is printable, short and on one line. Raises UsageError."""
     if not message.isprintable() or len(message) > _TEXT:
         raise errors.UsageError(
-            f"{what} must be a short text on one line: {ascii(message)[:_TEXT]}", hint="write a word or two"
+            f"{arg(what)} must be a short text on one line: {arg(ascii(message)[:_TEXT])}", hint="write a word or two"
         )
     return message
 
@@ -356,7 +360,7 @@ def _issue_batch(
         with model.os_errors_as("the certificates cannot be written"):
             model.restore_copies(session.folder, [item.record for item in certificates])
         for item in certificates:
-            with model.os_errors_as(f"the enrolment package of `{item.plan.member.name}` cannot be written"):
+            with model.os_errors_as(msg(f"the enrolment package of `{arg(item.plan.member.name)}` cannot be written")):
                 file = deliver(_identity(session, item))
             new_records.extend(_delivery_records(item.plan, file))
     finally:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.runs import write_atomically
@@ -51,7 +52,8 @@ class InvalidPackage(UsageError):
 
     def __init__(self, what: str) -> None:
         super().__init__(
-            f"this is not an enrolment package of the VPN: {what}", hint="ask the control centre for a new one"
+            msg(f"this is not an enrolment package of the VPN: {arg(what)}"),
+            hint="ask the control centre for a new one",
         )
 
 
@@ -67,7 +69,7 @@ def pack(folder: str, files: Mapping[str, str], mtime: int) -> bytes:
             data = text.encode()
             entry = tarfile.TarInfo(f"{folder}/{name}")
             if _NAME.fullmatch(entry.name) is None:
-                raise ValueError(f"not a name for an enrolment package: {entry.name!r}")
+                raise ValueError(msg(f"not a name for an enrolment package: {arg(entry.name)!r}"))
             entry.size, entry.mtime, entry.mode = len(data), mtime, _PRIVATE
             archive.addfile(entry, io.BytesIO(data))
     return buffer.getvalue()
@@ -76,7 +78,7 @@ def pack(folder: str, files: Mapping[str, str], mtime: int) -> bytes:
 def unpack(data: bytes) -> dict[str, str]:
     """Return names and texts in archive order, without the folder. Raises NotAHandOut; writes nothing."""
     if len(data) > _BYTES:
-        raise InvalidPackage(f"it is larger than {_BYTES} bytes")
+        raise InvalidPackage(msg(f"it is larger than {arg(_BYTES)} bytes"))
     try:
         with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as archive:
             return _texts(archive)
@@ -91,7 +93,7 @@ def _texts(archive: tarfile.TarFile) -> dict[str, str]:
         folder, _, name = entry.name.partition("/")
         content = archive.extractfile(entry) if entry.type == tarfile.REGTYPE and _NAME.fullmatch(entry.name) else None
         if content is None or name in result or len(result) == _FILES:
-            raise InvalidPackage(f"it contains {entry.name!a}")
+            raise InvalidPackage(msg(f"it contains {arg(ascii(entry.name))}"))
         folders.add(folder)
         result[name] = content.read().decode()
     if len(folders) != 1:
@@ -149,9 +151,12 @@ class WrongKey(UsageError):
             "this key does not open the enrolment package"
             if by_key
             else "this passphrase does not open the enrolment package",
-            hint="use the key that the control centre was given"
-            if by_key
-            else f"it has {_GROUPS} groups of {_DIGITS} digits: ask the control centre to read it out again",
+            hint=msg(
+                "use the key that the control centre was given"
+                if by_key
+                else f"it has {arg(_GROUPS)} groups of {arg(_DIGITS)} digits: ask the control centre to read it out "
+                "again"
+            ),
         )
 
 
@@ -232,7 +237,7 @@ def contents(inventory: Inventory, identity: Identity, *, contact: str) -> dict[
     """Return the files of an enrolment package before sealing, the one with the key first. They contain secrets."""
     if not contact.strip() or not contact.isprintable() or len(contact) > _CONTACT_MAX:
         raise UsageError(
-            f"the contact for a partner must be one line of at most {_CONTACT_MAX} characters",
+            f"the contact for a partner must be one line of at most {arg(_CONTACT_MAX)} characters",
             hint="for example a name, a telephone number and an e-mail address",
         )
     local = _key_files(inventory, identity)
@@ -356,18 +361,18 @@ def _check_identity(inventory: Inventory, identity: Identity, now: datetime) -> 
     host = inventory.hosts.get(member.name)
     if host is None or member.partner is not None:
         raise UsageError(
-            f"the enrolment package is for {member.name}, which is not a host of this inventory",
+            f"the enrolment package is for {arg(member.name)}, which is not a host of this inventory",
             hint="use the inventory of the pilot that it was made for",
         )
     if (expected_address := _tunnel_address(host)) != member.address:
         raise UsageError(
-            f"the enrolment package gives {member.name} the address {member.address}, but the inventory has "
-            f"{expected_address}",
+            f"the enrolment package gives {arg(member.name)} the address {arg(member.address)}, but the inventory has "
+            f"{arg(expected_address)}",
             hint="use the newest inventory, or ask for a new enrolment package",
         )
     if now > certificate.not_after:
         raise UsageError(
-            f"the certificate of {member.name} expired on {certificate.not_after:%Y-%m-%d}",
+            f"the certificate of {arg(member.name)} expired on {arg(certificate.not_after):%Y-%m-%d}",
             hint="check the clock of this computer, or ask the control centre to renew the certificate",
         )
 
@@ -387,7 +392,7 @@ def _is_stored(path: Path, identity: Identity) -> bool:
         return False
     if there.not_before > identity.certificate.not_before:
         raise UsageError(
-            f"a newer identity of {identity.member.name} already exists: {path}",
+            f"a newer identity of {arg(identity.member.name)} already exists: {arg(path)}",
             hint="use the newest enrolment package; to go back to this one, move that file away first",
         )
     return there == identity.certificate

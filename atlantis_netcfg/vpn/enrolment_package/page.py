@@ -22,6 +22,7 @@ from markupsafe import Markup
 from atlantis_netcfg.computers.dds import MemberDds, ProfileView, member_files, member_view
 from atlantis_netcfg.computers.services import PROFILES
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.routeros.render import environment
 from atlantis_netcfg.runs.report import page_frame
@@ -122,11 +123,11 @@ def _who(inventory: Inventory, member: Member, zone: Zone) -> str:
     """Name the members of a zone for the page; empty if there are none."""
     whose = inventory.partners.get(member.partner or "")
     if whose is not None and zone.name == f"p_{member.partner}_sees":
-        return "the robots " + ", ".join(inventory.vehicles[name].name for name in whose.sees)
+        return msg("the robots " + str(arg(join(", ", (inventory.vehicles[name].name for name in whose.sees)))))
     if whose is not None and zone.name == f"p_{member.partner}_lan":
-        return f"the robots of {whose.full_name} in the LANs of the sites"
+        return msg(f"the robots of {arg(whose.full_name)} in the LANs of the sites")
     if whose is not None and zone.name == f"p_{member.partner}":
-        return f"all other devices of {whose.full_name}"
+        return msg(f"all other devices of {arg(whose.full_name)}")
     return _NAMES.get(zone.name, "services") if zone.networks else ""
 
 
@@ -145,7 +146,11 @@ def _words(traffic: PolicyTraffic, why: str) -> str:
         return "ping"
     ports = traffic.ports or range(0)
     name = str(traffic.protocol).upper()
-    return f"DDS ({name} {ports[0]} to {ports[-1]})" if len(ports) > 1 else f"{why} ({name} {ports[0]})"
+    return msg(
+        f"DDS ({arg(name)} {arg(ports[0])} to {arg(ports[-1])})"
+        if len(ports) > 1
+        else f"{arg(why)} ({arg(name)} {arg(ports[0])})"
+    )
 
 
 _WHAT = {
@@ -300,7 +305,7 @@ def _translate_block(block: str) -> str:
         return block
     if _is_heading(lines):
         title = translate(lines[0])
-        return f"{title}\n{lines[1][0] * len(title)}"
+        return msg(f"{arg(title)}\n{arg(lines[1][0] * len(title))}")
     if _is_list(lines):
         items = " ".join(line.strip() if line.startswith(" ") else f"\n{line}" for line in lines).split("\n")
         return "\n".join(f"- {translate(item.strip()[2:])}" for item in items if item.strip())
@@ -385,7 +390,7 @@ def _is_list(lines: Sequence[str]) -> bool:
 
 
 def _describe_device(inventory: Inventory, member: Member) -> str:
-    whose = f" of {inventory.partners[member.partner].full_name}" if member.partner else ""
+    whose = msg(f" of {arg(inventory.partners[member.partner].full_name)}" if member.partner else "")
     return f"{_WHAT[member.kind]} `{member.device}`{whose}"
 
 

@@ -24,6 +24,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat, load_pem_private_key
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import Transport, VpnServer
 from atlantis_netcfg.routeros.render import environment
@@ -57,7 +58,9 @@ class NotAnIdentity(UsageError):
     """The text is not an identity of ours, or is incomplete."""
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"not a VPN identity: {what}", hint="ask the control centre for a new enrolment package")
+        super().__init__(
+            msg(f"not a VPN identity: {arg(what)}"), hint="ask the control centre for a new enrolment package"
+        )
 
 
 def identity_file(identity: Identity) -> Secret:
@@ -86,7 +89,7 @@ def header(identity: Identity) -> str:
 def read_identity(text: str) -> Identity:
     """Parse an identity file or a profile. Raises NotAnIdentity unless all its parts belong together."""
     if len(text) > _MAX:
-        raise NotAnIdentity(f"it has more than {_MAX} characters")
+        raise NotAnIdentity(msg(f"it has more than {arg(_MAX)} characters"))
     values = _header_values(text.replace("\r\n", "\n"))
     try:
         return _identity(values, {name: _block(text, name) for name in ("ca", "cert", "key", values["wrap"])})
@@ -102,7 +105,7 @@ class _Misfit(ValueError):
 def _header_values(text: str) -> dict[str, str]:
     lines = text.split("\n")
     if lines.count(_MARK) != 1:
-        raise NotAnIdentity(f"the line `{_MARK}` is missing")
+        raise NotAnIdentity(msg(f"the line `{arg(_MARK)}` is missing"))
     start = lines.index(_MARK) + 1
     matches = [_HEADER_LINE.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
     values = {item[1]: item[2] for item in matches if item}
@@ -116,7 +119,7 @@ def _header_values(text: str) -> dict[str, str]:
 def _block(text: str, name: str) -> str:
     blocks = re.findall(rf"^<{name}>\n(.*?)\n</{name}>$", text.replace("\r\n", "\n"), re.DOTALL | re.MULTILINE)
     if len(blocks) != 1:
-        raise NotAnIdentity(f"it contains the block <{name}> {len(blocks)} times")
+        raise NotAnIdentity(msg(f"it contains the block <{arg(name)}> {arg(len(blocks))} times"))
     return f"{blocks[0]}\n"
 
 
@@ -243,7 +246,10 @@ def day(identity: Identity) -> str:
 def _view(inventory: Inventory, identity: Identity) -> _OvpnView:
     vpn, member = inventory.pilot.vpn, identity.member
     return _OvpnView(
-        title=f"VPN of {inventory.pilot.name}: {member.name}, address {member.address}, until {day(identity)}.",
+        title=msg(
+            f"VPN of {arg(inventory.pilot.name)}: {arg(member.name)}, address {arg(member.address)}, until "
+            f"{arg(day(identity))}."
+        ),
         header=header(identity),
         proto="udp4" if vpn.transport is Transport.UDP else "tcp4-client",
         remote=remote(inventory, member),

@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.eventlog import EventLog, split
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.vpn.ledger.records import Record, describe
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ class Reading:
         """Return itself if nothing is damaged. Raises CorruptLedgerError."""
         if self.damage is not None:
             raise CorruptLedgerError(
-                f"{self.damage} ({self.path})",
+                f"{arg(self.damage)} ({arg(self.path)})",
                 hint="sign nothing; compare this ledger line by line with the one in the last backup",
             )
         return self
@@ -168,7 +169,7 @@ def read(path: Path) -> Reading:
         try:
             entries.append(parse(line, number, digests[-1] if digests else GENESIS))
         except Misread as misread:
-            damage = f"line {number} of the ledger is damaged: {misread}"
+            damage = msg(f"line {arg(number)} of the ledger is damaged: {arg(misread)}")
             break
         digests.append(digest(line))
         size += len(line) + 1
@@ -238,6 +239,6 @@ def _one_line(who: str) -> str:
 
 def _build_error(what: str, path: Path, error: OSError) -> LedgerError:
     return LedgerError(
-        f"the ledger cannot be {what}: {error.strerror or error} ({path})",
+        f"the ledger cannot be {arg(what)}: {arg(error.strerror or error)} ({arg(path)})",
         hint="free disk space or correct the permissions, then run the same command again",
     )

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import RosDistribution  # noqa: TC001 - as above
 from atlantis_netcfg.vpn import identity  # noqa: TC001 - as above
 
@@ -228,32 +229,39 @@ def _command_text(record: BeginRecord | CommitRecord | RolledBack) -> str:
         case RolledBack(common_names=()):
             return "command not completed; everything that it had handed out is recorded"
         case RolledBack():
-            return f"command not completed: {_join_names(record.common_names)} was never handed out and is revoked"
+            return msg(
+                f"command not completed: {arg(_join_names(record.common_names))} was never handed out and is revoked"
+            )
 
 
 def _certificate_text(record: IssueRecord | DeliveryRecord | RevocationRecord | TakeoverRecord) -> str:
     match record:
         case IssueRecord():
-            whose = f"partner {record.partner}" if record.partner else "the pilot"
-            until = f"valid until {_day(record.not_after)}, serial {record.serial:x}"
-            return f"{record.common_name} issued: {record.device_kind} of {whose}, {record.address}, {until}"
+            whose = msg(f"partner {arg(record.partner)}" if record.partner else "the pilot")
+            until = msg(f"valid until {arg(_day(record.not_after))}, serial {arg(record.serial):x}")
+            return msg(
+                f"{arg(record.common_name)} issued: {arg(record.device_kind)} of {arg(whose)}, {arg(record.address)}, "
+                f"{arg(until)}"
+            )
         case DeliveryRecord():
-            return f"{record.common_name} handed out: {record.path} (SHA-256 {record.sha256})"
+            return msg(f"{arg(record.common_name)} handed out: {arg(record.path)} (SHA-256 {arg(record.sha256)})")
         case RevocationRecord():
-            return f"{record.common_name} revoked: {record.reason}"
+            return msg(f"{arg(record.common_name)} revoked: {arg(record.reason)}")
         case TakeoverRecord():
             serials = _join_names(tuple(f"{serial:x}" for serial in record.serials))
-            return f"taken over from the server's revocation list (issued by a lost copy of the authority): {serials}"
+            return msg(
+                f"taken over from the server's revocation list (issued by a lost copy of the authority): {arg(serials)}"
+            )
 
 
 def _server_text(record: SightingRecord | SupersedeRecord | SettlementRecord) -> str:
     match record:
         case SightingRecord():
-            return f"{record.common_name} was connected, last at {record.last:%Y-%m-%d %H:%M} UTC"
+            return msg(f"{arg(record.common_name)} was connected, last at {arg(record.last):%Y-%m-%d %H:%M} UTC")
         case SupersedeRecord():
-            return f"{record.common_name} superseded: {record.by} is in use"
+            return msg(f"{arg(record.common_name)} superseded: {arg(record.by)} is in use")
         case SettlementRecord():
-            return f"the server confirmed that {record.common_name} is locked out"
+            return msg(f"the server confirmed that {arg(record.common_name)} is locked out")
 
 
 def _authority_text(
@@ -261,23 +269,26 @@ def _authority_text(
 ) -> str:
     match record:
         case FoundingRecord():
-            return f"authority {record.ca_common_name} created, valid until {_day(record.ca_not_after)}"
+            return msg(f"authority {arg(record.ca_common_name)} created, valid until {arg(_day(record.ca_not_after))}")
         case ServerIssueRecord():
-            names = ", ".join((*record.dns, *map(str, record.addresses)))
-            return f"server certificate {record.common_name} issued for {names}, valid until {_day(record.not_after)}"
+            names = join(", ", (*record.dns, *map(str, record.addresses)))
+            return msg(
+                f"server certificate {arg(record.common_name)} issued for {arg(names)}, valid until "
+                f"{arg(_day(record.not_after))}"
+            )
         case PublicationRecord():
-            current = f"{record.revoked} revoked, valid until {_day(record.next_update)}"
-            return f"revocation list {record.number} signed: {current}"
+            current = msg(f"{arg(record.revoked)} revoked, valid until {arg(_day(record.next_update))}")
+            return msg(f"revocation list {arg(record.number)} signed: {arg(current)}")
         case ClockTrustRecord():
-            return (
+            return msg(
                 "the clock was confirmed as right, although the previous record is dated "
-                f"{record.before:%Y-%m-%d %H:%M} UTC"
+                f"{arg(record.before):%Y-%m-%d %H:%M} UTC"
             )
 
 
 def _join_names(names: tuple[str, ...]) -> str:
-    text = ", ".join(names[:_MAX_NAMES])
-    return text if len(names) <= _MAX_NAMES else f"{text} and {len(names) - _MAX_NAMES} more"
+    text = join(", ", names[:_MAX_NAMES])
+    return text if len(names) <= _MAX_NAMES else msg(f"{arg(text)} and {arg(len(names) - _MAX_NAMES)} more")
 
 
 def _day(moment: datetime) -> str:

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.vpn import identity
 from atlantis_netcfg.vpn.ledger.file import CorruptLedgerError, LedgerEntry
 
@@ -66,7 +67,7 @@ class LedgerState:
             step(entry, entry.record)
         except KeyError as unknown:
             raise CorruptLedgerError(
-                f"line {entry.number} of the ledger refers to {unknown}, which was never issued",
+                f"line {arg(entry.number)} of the ledger refers to {arg(unknown)}, which was never issued",
                 hint="sign nothing; restore the ledger from your backup of the authority",
             ) from None
 
@@ -150,7 +151,7 @@ class LedgerState:
 
     def _superseded(self, entry: LedgerEntry, record: records.SupersedeRecord) -> None:
         if self._good(record.common_name):
-            reason = f"{record.by} is in use"
+            reason = msg(f"{arg(record.by)} is in use")
             self._update_certificate(
                 record.common_name, standing=identity.CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason
             )

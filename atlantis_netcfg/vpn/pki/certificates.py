@@ -20,6 +20,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID, ExtensionOID, NameOID
 
 from atlantis_netcfg.core.atomic_files import write_atomically
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.pki import keys
 
@@ -58,7 +59,7 @@ def new_ca(name: str, now: datetime, kind: KeyType = KeyType.EC) -> Ca:
     """Create a CA for ten years, which may sign device certificates and revocation lists, but no further CA."""
     if _CA_NAME.fullmatch(name) is None:
         raise keys.InvalidCertificateError(
-            f"{name!r} is not a valid name for a certificate authority", hint="use letters, digits and -"
+            f"{arg(name)!r} is not a valid name for a certificate authority", hint="use letters, digits and -"
         )
     key = keys.new_key(kind)
     public, subject = key.public_key(), _subject(name)
@@ -157,7 +158,7 @@ def _builder(  # noqa: PLR0913, PLR0917 - as above
 ) -> x509.CertificateBuilder:
     if _COMMON_NAME.fullmatch(common_name) is None:
         raise keys.InvalidCertificateError(
-            f"{common_name!r} is not a valid name for a certificate", hint="use a-z, 0-9 and -"
+            f"{arg(common_name)!r} is not a valid name for a certificate", hint="use a-z, 0-9 and -"
         )
     if not 0 < serial < 1 << 159:
         raise keys.InvalidCertificateError(
@@ -181,14 +182,14 @@ def _dates(ca: x509.Certificate, now: datetime, before: timedelta, after: timede
         raise keys.InvalidCertificateError("a certificate must be valid for at least one day", hint="days=397")
     if not first <= now < last:
         raise keys.InvalidCertificateError(
-            f"the certificate authority is valid from {first:%Y-%m-%d} to {last:%Y-%m-%d}, but this computer's date "
-            f"is {now:%Y-%m-%d}",
+            f"the certificate authority is valid from {arg(first):%Y-%m-%d} to {arg(last):%Y-%m-%d}, but this "
+            f"computer's date is {arg(now):%Y-%m-%d}",
             hint="set this computer's clock; if the authority has expired, create a new one",
         )
     if now + after > last:
         raise keys.InvalidCertificateError(
-            f"a certificate for {after.days} days would outlive the certificate authority ({last:%Y-%m-%d})",
-            hint=f"use days={(last - now).days}, or create a new authority",
+            f"a certificate for {arg(after.days)} days would outlive the certificate authority ({arg(last):%Y-%m-%d})",
+            hint=f"use days={arg((last - now).days)}, or create a new authority",
         )
     return max(now - before, first), now + after
 
@@ -281,13 +282,21 @@ def check_crl(pem: bytes, ca_certificate: x509.Certificate, *, above: int | None
     """
     facts = read_crl(pem, ca_certificate)
     if above is not None and facts.number <= above:
-        _refuse(f"its number is {facts.number}, but number {above} was already published")
+        _refuse(msg(f"its number is {arg(facts.number)}, but number {arg(above)} was already published"))
     if facts.this_update > now:
         _refuse(
-            f"it is not valid before {facts.this_update:%Y-%m-%d %H:%M} UTC, and the time is now {_format_time(now)}"
+            msg(
+                f"it is not valid before {arg(facts.this_update):%Y-%m-%d %H:%M} UTC, and the time is now "
+                f"{arg(_format_time(now))}"
+            )
         )
     if facts.next_update <= now:
-        _refuse(f"it expired on {facts.next_update:%Y-%m-%d %H:%M} UTC, and the time is now {_format_time(now)}")
+        _refuse(
+            msg(
+                f"it expired on {arg(facts.next_update):%Y-%m-%d %H:%M} UTC, and the time is now "
+                f"{arg(_format_time(now))}"
+            )
+        )
     return facts
 
 
@@ -362,6 +371,6 @@ def _format_time(now: datetime) -> str:
 
 def _refuse(why: str) -> NoReturn:
     raise keys.InvalidCrlError(
-        f"the revocation list was not published: {why}",
+        f"the revocation list was not published: {arg(why)}",
         hint="check this computer's clock, then sign a new one: provision vpn sync --sign",
     )

@@ -30,6 +30,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import KeyType
 
@@ -142,7 +143,7 @@ def server_key() -> Secret:
 def client_key(server: Secret, metadata: bytes) -> Secret:
     """Create a client's tls-crypt-v2 key for that server; only the server can read `metadata`, nobody can change it."""
     if len(metadata) > METADATA_MAX:
-        raise ValueError(f"metadata of more than {METADATA_MAX} bytes")
+        raise ValueError(msg(f"metadata of more than {arg(METADATA_MAX)} bytes"))
     both = _server_bytes(server)
     encryption, authentication = both[:32], both[64:96]
     key = os.urandom(256)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import pyrage
 
 from atlantis_netcfg.core import passwords
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.vpn.pki import age_file, keys
 
 if TYPE_CHECKING:
@@ -41,7 +42,8 @@ def seal(data: bytes, passphrase: Secret) -> bytes:
     needed_bytes, free = _scrypt_bytes(age_file.WORK_FACTOR), _free_bytes()
     if free is not None and free < needed_bytes:
         raise keys.SealTooLarge(
-            f"sealing it needs {needed_bytes >> 20} MiB of memory, but this computer has only {free >> 20} MiB free",
+            f"sealing it needs {arg(needed_bytes >> 20)} MiB of memory, but this computer has only {arg(free >> 20)} "
+            "MiB free",
             hint=_LARGER,
         )
     return age_file.encrypt(data, passphrase.reveal())
@@ -87,8 +89,8 @@ def check_passphrase(passphrase: Secret, guesses: int) -> None:
     estimate, why = passwords.guesses(text)
     if estimate < guesses:
         raise keys.WeakPassphrase(
-            f"the passphrase is too weak: about {_power(math.log10(estimate))} guesses find it, at least "
-            f"{_power(math.log10(guesses))} are required" + (f" ({why})" if why else ""),
+            f"the passphrase is too weak: about {arg(_power(math.log10(estimate)))} guesses find it, at least "
+            f"{arg(_power(math.log10(guesses)))} are required" + (f" ({arg(why)})" if why else ""),
             hint=_STRONGER,
         )
 
@@ -146,7 +148,8 @@ def _check_memory(needed_bytes: int) -> None:
     free = _free_bytes()
     if free is not None and free < needed_bytes:
         raise keys.SealTooLarge(
-            f"opening it needs {needed_bytes >> 20} MiB of memory, but this computer has only {free >> 20} MiB free",
+            f"opening it needs {arg(needed_bytes >> 20)} MiB of memory, but this computer has only {arg(free >> 20)} "
+            "MiB free",
             hint=_LARGER,
         )
 
@@ -208,7 +211,7 @@ def _recipient(text: str) -> pyrage.x25519.Recipient | pyrage.ssh.Recipient:
     raise keys.InvalidRecipientError(
         "this is a secret key; the recipient's public key is needed"
         if secret
-        else f"not a recipient's key: {excerpt!r}",
+        else f"not a recipient's key: {arg(excerpt)!r}",
         hint="ask for the line that age-keygen prints (age1…), or for an ssh-ed25519 public key",
     )
 

@@ -57,6 +57,13 @@ def test_the_tool_reads_the_same_translations_as_the_program() -> None:
     assert {msgid: written.get(msgid) for msgid in TRANSLATIONS} == TRANSLATIONS
 
 
+def test_entries_with_the_same_text_have_the_same_translation() -> None:
+    assert MESSAGES.conflicts(TRANSLATIONS) == []
+    same = {"{count} of {total}": "{count} de {total}", "{first} of {second}": "{second} em {first}"}
+    assert MESSAGES.conflicts(same) == ["{first} of {second}"]
+    assert MESSAGES.conflicts({**same, "{first} of {second}": "{first} de {second}"}) == []
+
+
 def test_translations_have_the_same_placeholders() -> None:
     assert {msgid: names(text) for msgid, text in TRANSLATIONS.items() if names(msgid) != names(text)} == {}
 

@@ -59,9 +59,30 @@ class Message:
         return re.sub(r"[^a-zA-Z]", "", self.text)
 
 
+class _Unmark(ast.NodeTransformer):
+    """Replaces `msg(…)` and `arg(…)` by what stands inside, and `join(separator, parts)` by `separator.join(parts)`."""
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        match node:
+            case ast.Call(func=ast.Name(id="msg" | "arg"), args=[text]):
+                return text
+            case ast.Call(func=ast.Name(id="join"), args=[separator, parts]):
+                join = ast.Attribute(separator, "join", ast.Load())
+                return ast.copy_location(ast.Call(ast.copy_location(join, node), [parts], []), node)
+        return node
+
+
+def parse_unmarked(source: str) -> ast.Module:
+    """Return the syntax tree of a source as if its messages were plain f-strings."""
+    tree = _Unmark().visit(ast.parse(source))
+    assert isinstance(tree, ast.Module)
+    return tree
+
+
 def messages() -> set[Message]:
     """All messages of the package."""
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))}
+    trees = {path: parse_unmarked(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))}
     failures = failing(list(trees.values()))
     found: set[Message] = set()
     for path, tree in trees.items():

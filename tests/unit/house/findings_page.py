@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
 
-from failure_messages import LEAST, PACKAGE, functions, inside, variants
+from failure_messages import LEAST, PACKAGE, functions, inside, parse_unmarked, variants
 
 PAGE = PACKAGE.parent / "docs" / "findings.md"
 HELPERS = {"warn": "WARN", "fail": "FAIL", "unknown": "INCONCLUSIVE"}
@@ -62,7 +62,7 @@ def findings() -> set[FoundMessage]:
     found: set[FoundMessage] = set()
     for path in sorted(PACKAGE.rglob("*.py")):
         file = str(path.relative_to(PACKAGE))
-        found.update(of_tree(ast.parse(path.read_text(encoding="utf-8")), file))
+        found.update(of_tree(parse_unmarked(path.read_text(encoding="utf-8")), file))
     return {finding for finding in found if len(re.sub(r"[^a-zA-Z]", "", finding.message)) >= LEAST}
 
 

@@ -36,6 +36,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     transcript_or_judgement,
 )
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import AcousticDriver, Column
 from atlantis_netcfg.links import LinkFinding
 
@@ -77,10 +78,10 @@ def _transcript(member: ModemMember, results: Mapping[str, base.Answer]) -> base
 
 
 def _not_compared_findings(names: Iterable[str], result: int) -> Iterator[LinkFinding]:
-    missing = ", ".join(names)
+    missing = join(", ", names)
     if missing:
         rest = "the others are compared without it" if result > 1 else "a comparison needs at least two"
-        message = f"the modem settings of {missing} could not be read: {rest}"
+        message = msg(f"the modem settings of {arg(missing)} could not be read: {arg(rest)}")
         hint = "first resolve the item of that modem, then check again"
         yield LinkFinding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
 
@@ -89,30 +90,34 @@ def _wrong_address_findings(members: tuple[ModemMember, ...], addresses: Mapping
     for member in members:
         address = addresses.get(member.name, member.expected_address)
         if member.expected_address is not None and address != member.expected_address:
-            message = (
-                f"a modem with the address {address} responds for {member.name}, but the inventory has "
-                f"{member.expected_address}"
+            message = msg(
+                f"a modem with the address {arg(address)} responds for {arg(member.name)}, but the inventory has "
+                f"{arg(member.expected_address)}"
             )
             hint = "first resolve the item of that modem, then check again"
-            yield LinkFinding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its settings are not compared", hint)
+            yield LinkFinding(
+                Verdict.INCONCLUSIVE, "not-compared", msg(f"{arg(message)}: its settings are not compared"), hint
+            )
 
 
 def _join_values(values: Mapping[str, object]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in values.items())
+    return join(", ", (f"{name} {value}" for name, value in values.items()))
 
 
 def _require_same(
     what: str, code: str, values: Mapping[str, Hashable], hint: str, *, verdict: Verdict
 ) -> Iterator[LinkFinding]:
     if len(set(values.values())) > 1:
-        yield LinkFinding(verdict, code, f"the modems differ in their {what}: {_join_values(values)}", hint)
+        yield LinkFinding(
+            verdict, code, msg(f"the modems differ in their {arg(what)}: {arg(_join_values(values))}"), hint
+        )
 
 
 def _require_unique(what: str, values: Mapping[str, int]) -> Iterator[LinkFinding]:
     for number in sorted(set(values.values())):
         names = [name for name, local in values.items() if local == number]
         if len(names) > 1:
-            message = f"{' and '.join(names)} have the same {what}, {number}"
+            message = msg(f"{arg(' and '.join(names))} have the same {arg(what)}, {arg(number)}")
             hint = "ask the crew of one of them to set another value; the inventory shows which belongs to whom"
             yield LinkFinding(Verdict.FAIL, "duplicate-address", message, hint)
 
@@ -152,7 +157,9 @@ class EvologicsFleet:
     ) -> Iterator[LinkFinding]:
         of = {key: {name: values[key] for name, values in result.items()} for key in _COMPARED_SETTINGS}
         yield from _require_unique("acoustic address", of["Local Address"])
-        hint = "ask the crews to set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
+        hint = msg(
+            "ask the crews to set the same highest address on all modems: " + str(arg(join(", ", map(str, _HIGHEST))))
+        )
         yield from _require_same(
             "highest address", "highest-address-differs", of["Highest Address"], hint, verdict=Verdict.FAIL
         )
@@ -175,24 +182,29 @@ def _require_allowed(
 ) -> Iterator[LinkFinding]:
     for name, value in values.items():
         if value not in allowed_values:
-            yield LinkFinding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which no modem supports", hint)
+            yield LinkFinding(
+                Verdict.FAIL,
+                code,
+                msg(f"the {arg(what)} of {arg(name)} is {arg(value)}, which no modem supports"),
+                hint,
+            )
 
 
 def _check_carriers(values: Mapping[str, int]) -> Iterator[LinkFinding]:
     deaf = [
-        f"{a} ({values[a]}) and {b} ({values[b]})"
+        msg(f"{arg(a)} ({arg(values[a])}) and {arg(b)} ({arg(values[b])})")
         for a, b in combinations(values, 2)
         if (values[a], values[b]) not in _CARRIERS
     ]
     if deaf:
-        message = f"incompatible carrier waveforms: {'; '.join(deaf)}"
+        message = msg(f"incompatible carrier waveforms: {arg(join('; ', deaf))}")
         hint = "ask the crews to set carrier waveform 2 on all modems; 0 and 1 are for a pair"
         yield LinkFinding(Verdict.FAIL, "carriers", message, hint)
 
 
 def _agreement_finding(result: Mapping[str, Mapping[str, int]]) -> LinkFinding:
-    addresses = ", ".join(f"{name} {values['Local Address']}" for name, values in result.items())
-    return LinkFinding(Verdict.PASS, "agree", f"the settings of the modems match; addresses: {addresses}")
+    addresses = join(", ", (f"{name} {values['Local Address']}" for name, values in result.items()))
+    return LinkFinding(Verdict.PASS, "agree", msg(f"the settings of the modems match; addresses: {arg(addresses)}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,12 +234,16 @@ class SeatracFleet:
         findings += _wrong_address_findings(self.members, numbers)
         evidence = tuple(
             report.Evidence(
-                type=report.EvidenceType.READ, what=name, value=f"number {numbers[name]}, sound speed {sound[name]}"
+                type=report.EvidenceType.READ,
+                what=name,
+                value=msg(f"number {arg(numbers[name])}, sound speed {arg(sound[name])}"),
             )
             for name in values
         )
         number_list = _join_values(numbers)
-        success = LinkFinding(Verdict.PASS, "agree", f"the settings of the beacons match; numbers: {number_list}")
+        success = LinkFinding(
+            Verdict.PASS, "agree", msg(f"the settings of the beacons match; numbers: {arg(number_list)}")
+        )
         return base.ProbeResult(tuple(findings) or (success,), evidence)
 
 
@@ -245,8 +261,10 @@ _DELIVERED_S = 20.0
 def message_consent(name: str, partner: int) -> base.Consent:
     """Return the consent that a person must give before a message is transmitted."""
     return base.Consent(
-        question=f"{name} and the modem with the acoustic address {partner} are in the water, nobody dives near them, "
-        "and they may transmit one message"
+        question=msg(
+            f"{arg(name)} and the modem with the acoustic address {arg(partner)} are in the water, nobody dives near "
+            "them, and they may transmit one message"
+        )
     )
 
 
@@ -279,7 +297,7 @@ class EvologicsMessage:
             ask_at("AT?L", _QUIET),
             message(TEXT, self.partner, self.consent, end_pattern, within_s=_DELIVERED_S),
         )
-        return self.modem.listen(f"message from {self.modem.where}", say, listen_s=0.0, turn=WATER)
+        return self.modem.listen(msg(f"message from {arg(self.modem.where)}"), say, listen_s=0.0, turn=WATER)
 
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge whether the message was sent, and what the partner reported."""
@@ -311,18 +329,23 @@ class EvologicsMessage:
         return base.ProbeResult((self._judge_refusal(pieces, level, refusal),), evidence)
 
     def _judge_report(self, lines: tuple[str, ...]) -> LinkFinding:
-        to = f"the modem with address {self.partner}"
+        to = msg(f"the modem with address {arg(self.partner)}")
         if f"DELIVEREDIM,{self.partner}" in lines:
             return LinkFinding(
-                Verdict.PASS, "delivered", f"a message of {self.name} reached {to}, which acknowledged it"
+                Verdict.PASS,
+                "delivered",
+                msg(f"a message of {arg(self.name)} reached {arg(to)}, which acknowledged it"),
             )
         if f"FAILEDIM,{self.partner}" in lines:
             hint = "check that both modems are in the water, within range of each other, and have matching settings"
             return LinkFinding(
-                Verdict.FAIL, "not-delivered", f"{to} did not acknowledge the message of {self.name}", hint
+                Verdict.FAIL,
+                "not-delivered",
+                msg(f"{arg(to)} did not acknowledge the message of {arg(self.name)}"),
+                hint,
             )
         hint = "check again; the modem may still have been retrying when the time ran out"
-        message = f"the modem of {self.name} sent a message and does not report the outcome"
+        message = msg(f"the modem of {arg(self.name)} sent a message and does not report the outcome")
         return LinkFinding(Verdict.INCONCLUSIVE, "no-report", message, hint)
 
     def _judge_refusal(
@@ -330,26 +353,34 @@ class EvologicsMessage:
     ) -> LinkFinding:
         state = evologics.state(pieces)
         if state is not None and state != "INITIATION LISTEN":
-            message = f"no message was sent: the modem of {self.name} is not listening ({state})"
+            message = msg(f"no message was sent: the modem of {arg(self.name)} is not listening ({arg(state)})")
             return LinkFinding(Verdict.INCONCLUSIVE, "not-sent", message, "first resolve the item of that modem")
         address = evologics.number(evologics.answer(pieces, "AT?AL"))
         if address is not None and self.expected_address is not None and address != self.expected_address:
-            message = f"no message was sent: the modem of {self.name} has the acoustic address {address:.0f}, and"
+            message = msg(
+                f"no message was sent: the modem of {arg(self.name)} has the acoustic address {arg(address):.0f}, and"
+            )
             hint = "first resolve the item of that modem"
             return LinkFinding(
-                Verdict.FAIL, "wrong-address", f"{message} the inventory says {self.expected_address}", hint
+                Verdict.FAIL,
+                "wrong-address",
+                msg(f"{arg(message)} the inventory says {arg(self.expected_address)}"),
+                hint,
             )
         if level is not None and level not in _LEVELS:
-            message = f"no message was sent: the source level of {self.name} is {status.level_words(int(level))}"
+            message = msg(
+                f"no message was sent: the source level of {arg(self.name)} is {arg(status.level_words(int(level)))}"
+            )
             hint = "ask its crew to set a level between 1 and 3 (3 is the quietest), then check again"
             return LinkFinding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
         if refusal:
-            message = f"the modem of {self.name} rejected the message: `{refusal[:60]}`"
+            message = msg(f"the modem of {arg(self.name)} rejected the message: `{arg(refusal[:60])}`")
             return LinkFinding(
                 Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle is not using it"
             )
-        message = (
-            f"no message was sent: the modem of {self.name} did not report an address and a source level that allow it"
+        message = msg(
+            f"no message was sent: the modem of {arg(self.name)} did not report an address and a source level that "
+            "allow it"
         )
         hint = "check again when the modem is not receiving; a pending level change also prevents sending"
         return LinkFinding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
@@ -378,7 +409,7 @@ def _status(cell: base.Cell, modem: AcousticModem) -> base.Step:
     kind = status.EvologicsStatus if evologics else status.SeatracStatus
     return base.Step(
         name="",
-        title=f"The acoustic modem of {cell.name} listens and has the settings of the inventory",
+        title=msg(f"The acoustic modem of {arg(cell.name)} listens and has the settings of the inventory"),
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.BENCH,
         probe=kind(modem, cell.name, expected_address, question(cell, modem)),
@@ -398,7 +429,7 @@ def _fleet(cell: base.Cell, modem: AcousticModem) -> Iterator[base.Step]:
     who = "EvoLogics modems" if evologics else "SeaTrac beacons"
     yield base.Step(
         name="fleet",
-        title=f"The {who} of {cell.site_config.title} agree with each other",
+        title=msg(f"The {arg(who)} of {arg(cell.site_config.title)} agree with each other"),
         kind=report.ItemKind.AUTOMATIC,
         phase=report.Phase.BENCH,
         probe=(EvologicsFleet if evologics else SeatracFleet)(tuple(members.values())),
@@ -415,7 +446,9 @@ def _message(cell: base.Cell, modem: AcousticModem) -> Iterator[base.Step]:
     consent = message_consent(cell.name, endpoint.partner)
     yield base.Step(
         name="message",
-        title=f"A message from {cell.name} reaches the modem with the acoustic address {endpoint.partner}",
+        title=msg(
+            f"A message from {arg(cell.name)} reaches the modem with the acoustic address {arg(endpoint.partner)}"
+        ),
         kind=report.ItemKind.ACTIVE,
         phase=report.Phase.WATER,
         probe=EvologicsMessage(modem, cell.name, endpoint.acoustic_address, endpoint.partner, consent),
@@ -427,10 +460,12 @@ def _sent_by_a_person(cell: base.Cell, partner: int) -> base.Step:
     """Return a step for a person: this tool sends no data with a SeaTrac beacon, which pings (column USBL)."""
     return base.Step(
         name="message",
-        title=f"A message from {cell.name} reaches the beacon {partner}",
+        title=msg(f"A message from {arg(cell.name)} reaches the beacon {arg(partner)}"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
-        do=f"With both in the water, make the software of {cell.name} send data to the beacon {partner}.",
+        do=msg(
+            f"With both in the water, make the software of {arg(cell.name)} send data to the beacon {arg(partner)}."
+        ),
         look_for="The other vehicle shows the data; the sender shows the acknowledgement.",
     )
 
@@ -440,11 +475,11 @@ def _manual_step(cell: base.Cell) -> base.Step:
     why = "it has no address at this site" if is_declared else "it is not in the inventory"
     return base.Step(
         name="",
-        title=f"The acoustic modem of {cell.name} sends and receives",
+        title=msg(f"The acoustic modem of {arg(cell.name)} sends and receives"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.WATER,
-        do=(
-            f"The program cannot query the modem of {cell.name}: {why}. In the water, and never in air, make "
+        do=msg(
+            f"The program cannot query the modem of {arg(cell.name)}: {arg(why)}. In the water, and never in air, make "
             "the vehicle's software send a message to another modem of the test, and one back."
         ),
         look_for="Both are acknowledged; the modem reports no alarm; no other vehicle has its acoustic address.",

@@ -22,6 +22,7 @@ from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding
 
@@ -112,16 +113,16 @@ def refused_reason(data: bytes, *, active: bool) -> str | None:
         return _seatrac_refusal(data, active=active)
     if data.startswith(b"+++"):
         return _evologics_refusal(data, active=active)
-    return f"{data!r} is not an allowed command"
+    return msg(f"{arg(data)!r} is not an allowed command")
 
 
 def _evologics_refusal(data: bytes, *, active: bool) -> str | None:
     body = data.removeprefix(b"+++").removesuffix(b"\n")
     modem_command = next((command for pattern, command in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
     if modem_command is None or data != b"+++" + body + b"\n":
-        return f"{data!r} is not an allowed command for an EvoLogics modem"
+        return msg(f"{arg(data)!r} is not an allowed command for an EvoLogics modem")
     if modem_command.use is ModemUse.ACTIVE and not _is_whole_message(body):
-        return f"{data!r} is not one complete message to one modem"
+        return msg(f"{arg(data)!r} is not one complete message to one modem")
     return _use_refusal(modem_command, data, active=active)
 
 
@@ -134,11 +135,11 @@ def _seatrac_refusal(data: bytes, *, active: bool) -> str | None:
     payload = seatrac.payload_of(data)
     modem_command = SEATRAC.get(payload[0]) if payload else None
     if payload is None or modem_command is None:
-        return f"{data!r} is not an allowed command for a SeaTrac beacon"
+        return msg(f"{arg(data)!r} is not an allowed command for a SeaTrac beacon")
     if modem_command.use is ModemUse.READ and len(payload) > 1:
-        return f"{data!r} is a query with a parameter; queries take none"
+        return msg(f"{arg(data)!r} is a query with a parameter; queries take none")
     if modem_command.use is ModemUse.ACTIVE and not _is_single_ping(payload):
-        return f"{data!r} transmits, and is not a ping to one beacon"
+        return msg(f"{arg(data)!r} transmits, and is not a ping to one beacon")
     return _use_refusal(modem_command, data, active=active)
 
 
@@ -150,8 +151,8 @@ def _use_refusal(modem_command: ModemCommand, data: bytes, *, active: bool) -> s
     if modem_command.use is ModemUse.READ or (modem_command.use is ModemUse.ACTIVE and active):
         return None
     if modem_command.use is ModemUse.ACTIVE:
-        return f"{data!r} {modem_command.what}, and nobody has consented to it"
-    return f"{data!r} {modem_command.what}: it is never sent"
+        return msg(f"{arg(data)!r} {arg(modem_command.what)}, and nobody has consented to it")
+    return msg(f"{arg(data)!r} {arg(modem_command.what)}: it is never sent")
 
 
 def _say(data: bytes, until: bytes, within_s: float, *, active: bool) -> base.Say:
@@ -212,7 +213,7 @@ class AcousticModem:
     def where(self) -> str:
         """Description of the endpoint: `10.64.1.21:9200`, `/dev/ttyUSB0 of the gateway`."""
         computer = "this laptop" if self.place is base.Place.LAPTOP else "the gateway"
-        return f"{self.device} on {computer}" if self.device else f"{self.address}:{self.port}"
+        return msg(f"{arg(self.device)} on {arg(computer)}" if self.device else f"{arg(self.address)}:{arg(self.port)}")
 
     def listen(
         self, name: str, say: tuple[base.Say, ...], *, listen_s: float, enough: bytes = b"", turn: str = ""
@@ -276,7 +277,7 @@ def question(cell: base.Cell, modem: AcousticModem) -> base.Listen:
     usbl = [item.endpoints.usbl for item, other in modems(cell, model.Column.USBL) if other == modem]
     endpoints = [endpoint for endpoint in usbl if endpoint is not None]
     return modem.listen(
-        f"modem at {modem.where}",
+        msg(f"modem at {arg(modem.where)}"),
         _script(modem.driver),
         listen_s=max((endpoint.listen_s for endpoint in endpoints), default=0.0),
         enough=_enough(modem.driver, endpoints),
@@ -336,7 +337,10 @@ _WORDS: Mapping[base.Trouble | None, tuple[Verdict, str, str, str]] = {
         Verdict.INCONCLUSIVE,
         "silent",
         "the modem of {name} does not respond at {where}",
-        "switch the modem on, and compare its address with the inventory; if the vehicle is using it: " + _IN_USE,
+        msg(
+            "switch the modem on, and compare its address with the inventory; if the vehicle is using it: "
+            + str(arg(_IN_USE))
+        ),
     ),
     base.Trouble.UNREACHABLE: (
         Verdict.INCONCLUSIVE,
@@ -380,7 +384,8 @@ def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> Lin
     cause = base.Trouble.REFUSED if transcript.trouble is base.Trouble.CLOSED else transcript.trouble
     verdict, code, message, hint = _WORDS[cause]
     words = transcript.words or "reason unknown"
-    return LinkFinding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
+    text = msg(message.format(name=arg(name), where=arg(modem.where), words=arg(words)))
+    return LinkFinding(verdict, code, text, hint)
 
 
 def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer) -> base.Transcript | base.ProbeResult:
@@ -393,23 +398,25 @@ def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer
 
 def not_understood(modem: AcousticModem, name: str) -> LinkFinding:
     """Return the finding for data that are not the modem's protocol, or noise."""
-    message = f"what responds for {name} at {modem.where} does not respond like {LANGUAGE[modem.driver]}"
+    message = msg(
+        f"what responds for {arg(name)} at {arg(modem.where)} does not respond like {arg(LANGUAGE[modem.driver])}"
+    )
     hint = "compare `driver`, `port` and `baud` in the inventory with the modem; a wrong baud rate gives noise"
     return LinkFinding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
 
 
 def whose_unknown(modem: AcousticModem, name: str) -> LinkFinding:
     """Return the finding for a modem that cannot be identified, as the inventory has no acoustic address."""
-    message = f"cannot tell whether the device at {modem.where} is the modem of {name}"
+    message = msg(f"cannot tell whether the device at {arg(modem.where)} is the modem of {arg(name)}")
     return LinkFinding(Verdict.WARN, "whose-unknown", message, "set its `acoustic_address` under `endpoints.acoustic`")
 
 
 def two_modems(modem: AcousticModem, name: str, addresses: Collection[int]) -> LinkFinding:
     """Return the finding for contradicting addresses, which mean more than one modem."""
     text = " and ".join(map(str, sorted(addresses)))
-    message = (
-        f"the device that responds for {name} at {modem.where} reports the acoustic addresses {text}: it is "
-        "more than one modem"
+    message = msg(
+        f"the device that responds for {arg(name)} at {arg(modem.where)} reports the acoustic addresses {arg(text)}: "
+        "it is more than one modem"
     )
     hint = "check what is connected there: one line serves one modem, and no program may mix two"
     return LinkFinding(Verdict.FAIL, "two-modems", message, hint)

@@ -13,6 +13,8 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -148,7 +150,7 @@ def info(record: bytes) -> str | None:
     except struct.error:
         return None
     model = {795: "X150", 843: "X110"}.get(part, f"part {part}")
-    return f"SeaTrac {model}, serial number {serial}, firmware {major}.{minor}.{build}"
+    return msg(f"SeaTrac {arg(model)}, serial number {arg(serial)}, firmware {arg(major)}.{arg(minor)}.{arg(build)}")
 
 
 def fix(record: bytes) -> SeatracFix | None:

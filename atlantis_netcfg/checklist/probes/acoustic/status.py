@@ -19,6 +19,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 )
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ STATES: dict[str, tuple[Verdict, str, str, str | None]] = {
 
 def level_words(level: int) -> str:
     """Format a source level: `1 (-6 dB)`."""
-    return f"{level} ({LEVELS[level]})" if level in LEVELS else f"{level} (unknown)"
+    return msg(f"{arg(level)} ({arg(LEVELS[level])})" if level in LEVELS else f"{arg(level)} (unknown)")
 
 
 def plain(value: float) -> str:
@@ -187,16 +188,19 @@ class EvologicsStatus:
         state = evologics.state(reading.replies)
         if state is None:
             words = evologics.trouble_words(reading.replies, "AT?S")
-            message = f"the modem of {self.name} does not report its state" + (f": it says `{words}`" if words else "")
+            message = msg(
+                f"the modem of {arg(self.name)} does not report its state"
+                + (f": it says `{arg(words)}`" if words else "")
+            )
             hint = "check again in a minute; if nothing changes, compare the firmware with another modem's"
             return LinkFinding(Verdict.INCONCLUSIVE, "no-state", message, hint)
         if state not in STATES:
-            message = f"the modem of {self.name} is in an unknown state: `{state}`"
+            message = msg(f"the modem of {arg(self.name)} is in an unknown state: `{arg(state)}`")
             return LinkFinding(
                 Verdict.INCONCLUSIVE, "state-unknown", message, "ask its manufacturer what that state means"
             )
         verdict, code, sentence, advice = STATES[state]
-        return LinkFinding(verdict, code, f"the modem of {self.name} {sentence}", advice)
+        return LinkFinding(verdict, code, msg(f"the modem of {arg(self.name)} {arg(sentence)}"), advice)
 
     def _address(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         address, highest = reading.address, reading.setting("Highest Address")
@@ -204,8 +208,9 @@ class EvologicsStatus:
             yield whose_unknown(self.modem, self.name)
         if address is None:
             if self.expected_address is not None:
-                message = (
-                    f"the modem of {self.name} does not report its address; the inventory says {self.expected_address}"
+                message = msg(
+                    f"the modem of {arg(self.name)} does not report its address; the inventory says "
+                    f"{arg(self.expected_address)}"
                 )
                 hint = "check again: a late response is not counted"
                 yield LinkFinding(Verdict.INCONCLUSIVE, "address-unknown", message, hint)
@@ -213,16 +218,16 @@ class EvologicsStatus:
         if len(reading.addresses) > 1:
             yield two_modems(self.modem, self.name, reading.addresses)
         if self.expected_address is not None and address != self.expected_address:
-            message = (
-                f"the modem of {self.name} has the acoustic address {address}; the inventory says "
-                f"{self.expected_address}"
+            message = msg(
+                f"the modem of {arg(self.name)} has the acoustic address {arg(address)}; the inventory says "
+                f"{arg(self.expected_address)}"
             )
             hint = "ask its crew to set the address, or correct `acoustic_address` in the inventory"
             yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if address < 1 or (highest is not None and address > highest):
-            message = (
-                f"the acoustic address {address} of {self.name} is not between 1 and its highest address, "
-                f"{highest or '?'}"
+            message = msg(
+                f"the acoustic address {arg(address)} of {arg(self.name)} is not between 1 and its highest address, "
+                f"{arg(highest or '?')}"
             )
             hint = "ask its crew to set an address within the range; the highest address must be the same on all modems"
             yield LinkFinding(Verdict.FAIL, "address-out-of-range", message, hint)
@@ -230,41 +235,54 @@ class EvologicsStatus:
     def _level(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         level = reading.level
         if level is None:
-            message = f"the modem of {self.name} does not report its source level"
+            message = msg(f"the modem of {arg(self.name)} does not report its source level")
             yield LinkFinding(
                 Verdict.WARN, "level-unknown", message, "keep it from transmitting until it is in the water"
             )
         elif level != AIR_LEVEL:
-            message = f"the source level of {self.name} is {level_words(level)}; only {AIR_LEVEL} is allowed in air"
-            hint = f"keep it from transmitting until it is in the water, or ask its crew to set level {AIR_LEVEL}"
+            message = msg(
+                f"the source level of {arg(self.name)} is {arg(level_words(level))}; only {arg(AIR_LEVEL)} is allowed "
+                "in air"
+            )
+            hint = msg(
+                f"keep it from transmitting until it is in the water, or ask its crew to set level {arg(AIR_LEVEL)}"
+            )
             yield LinkFinding(Verdict.WARN, "loud-for-air", message, hint)
 
     def _sound(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         speed = reading.setting("Sound Speed")
         low, high = SOUND_SPEED_MPS
         if speed is not None and not low <= speed <= high:
-            message = f"the modem of {self.name} uses a sound speed of {speed} m/s, which is impossible in water"
-            hint = f"ask its crew to set the local sound speed, between {low} and {high} m/s: all ranges depend on it"
+            message = msg(
+                f"the modem of {arg(self.name)} uses a sound speed of {arg(speed)} m/s, which is impossible in water"
+            )
+            hint = msg(
+                f"ask its crew to set the local sound speed, between {arg(low)} and {arg(high)} m/s: all ranges depend "
+                "on it"
+            )
             yield LinkFinding(Verdict.FAIL, "sound-speed", message, hint)
 
     def _reception(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         rssi, integrity = reading.number("AT?E"), reading.number("AT?I")
         if rssi and not RSSI_DB[0] <= rssi <= RSSI_DB[1]:
             weak = rssi < RSSI_DB[0]
-            message = f"the last reception of {self.name} was too {'weak' if weak else 'strong'}: {plain(rssi)} dB"
+            message = msg(
+                f"the last reception of {arg(self.name)} was too {'weak' if weak else 'strong'}: {arg(plain(rssi))} dB"
+            )
             hint = "check the transducers and what is between them" if weak else "move the modems apart"
             yield LinkFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
         if integrity and integrity < INTEGRITY_LOW:
-            message = (
-                f"the last reception of {self.name} was poor: integrity {plain(integrity)}, good is {INTEGRITY_LOW}"
+            message = msg(
+                f"the last reception of {arg(self.name)} was poor: integrity {arg(plain(integrity))}, good is "
+                f"{arg(INTEGRITY_LOW)}"
             )
             hint = "check for echoes (walls, the hull, the surface) and noise, then check again"
             yield LinkFinding(Verdict.WARN, "integrity-low", message, hint)
 
     def _pending(self, reading: AcousticReading) -> Iterator[LinkFinding]:
         if reading.settings is not None and reading.settings.pending:
-            names = ", ".join(reading.settings.pending)
-            message = f"the modem of {self.name} has changes that are not active yet: {names}"
+            names = join(", ", reading.settings.pending)
+            message = msg(f"the modem of {arg(self.name)} has changes that are not active yet: {arg(names)}")
             yield LinkFinding(Verdict.WARN, "pending", message, "ask its crew to apply or discard them")
 
 
@@ -320,7 +338,10 @@ def damage(name: str, transcript: base.Transcript) -> LinkFinding | None:
     if not damage_count:
         return None
     whole = len(seatrac.answers(transcript.data))
-    message = f"{damage_count} of {damage_count + whole} responses of the beacon of {name} had a wrong checksum"
+    message = msg(
+        f"{arg(damage_count)} of {arg(damage_count + whole)} responses of the beacon of {arg(name)} had a wrong "
+        "checksum"
+    )
     hint = "check the serial cable and its rate (`baud`), and whether two programs write to the port"
     return LinkFinding(Verdict.WARN if whole else Verdict.INCONCLUSIVE, "checksum", message, hint)
 
@@ -355,21 +376,21 @@ class SeatracStatus:
         )
 
     def _state(self, beacon: Beacon) -> LinkFinding:
-        who, state = f"the beacon of {self.name}", beacon.state
+        who, state = msg(f"the beacon of {arg(self.name)}"), beacon.state
         if state is None:
             hint = "check again in a minute; a busy beacon responds late"
             return LinkFinding(
-                Verdict.INCONCLUSIVE, "no-state", f"{who} does not report the state of its transceiver", hint
+                Verdict.INCONCLUSIVE, "no-state", msg(f"{arg(who)} does not report the state of its transceiver"), hint
             )
         if state == _IDLE:
-            return LinkFinding(Verdict.PASS, "listens", f"{who} listens")
+            return LinkFinding(Verdict.PASS, "listens", msg(f"{arg(who)} listens"))
         if state == _STOP_STATE:
             hint = "switch the beacon off and on: this program never starts it"
-            return LinkFinding(Verdict.FAIL, "stopped", f"the transceiver of {who} is stopped", hint)
+            return LinkFinding(Verdict.FAIL, "stopped", msg(f"the transceiver of {arg(who)} is stopped"), hint)
         if state in _WORKING:
             hint = "check again when the vehicle is not using it"
-            return LinkFinding(Verdict.WARN, "working", f"{who} {_WORKING[state]} at the moment", hint)
-        message = f"{who} is in an unknown state: 0x{state:02X}"
+            return LinkFinding(Verdict.WARN, "working", msg(f"{arg(who)} {arg(_WORKING[state])} at the moment"), hint)
+        message = msg(f"{arg(who)} is in an unknown state: 0x{arg(state):02X}")
         return LinkFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its manufacturer what that state means")
 
     def _number(self, beacon: Beacon) -> Iterator[LinkFinding]:
@@ -380,7 +401,7 @@ class SeatracStatus:
             yield LinkFinding(
                 Verdict.INCONCLUSIVE,
                 "settings-unknown",
-                f"the beacon of {self.name} does not report its settings",
+                msg(f"the beacon of {arg(self.name)} does not report its settings"),
                 hint,
             )
             return
@@ -388,11 +409,14 @@ class SeatracStatus:
             yield two_modems(self.modem, self.name, beacon.numbers)
         number = beacon.settings.beacon
         if self.expected_address is not None and number != self.expected_address:
-            message = f"the beacon of {self.name} has the number {number}; the inventory says {self.expected_address}"
+            message = msg(
+                f"the beacon of {arg(self.name)} has the number {arg(number)}; the inventory says "
+                f"{arg(self.expected_address)}"
+            )
             hint = "ask its crew to set the number, or correct `acoustic_address` in the inventory"
             yield LinkFinding(Verdict.FAIL, "wrong-address", message, hint)
         if number not in BEACONS:
-            message = f"the beacon of {self.name} has the number {number}; valid numbers are 1 to 15"
+            message = msg(f"the beacon of {arg(self.name)} has the number {arg(number)}; valid numbers are 1 to 15")
             yield LinkFinding(
                 Verdict.FAIL, "address-out-of-range", message, "ask its crew to set a number that no other beacon has"
             )
@@ -403,8 +427,8 @@ class SeatracStatus:
             speed = beacon.settings.sound_speed_mps
         low, high = SOUND_SPEED_MPS
         if speed is not None and not low <= speed <= high:
-            who = f"the beacon of {self.name}"
-            message = f"{who} uses a sound speed of {plain(speed)} m/s, which is impossible in water"
+            who = msg(f"the beacon of {arg(self.name)}")
+            message = msg(f"{arg(who)} uses a sound speed of {arg(plain(speed))} m/s, which is impossible in water")
             hint = "ask its crew to let the beacon compute it, or to set the local one: all ranges depend on it"
             yield LinkFinding(Verdict.FAIL, "sound-speed", message, hint)
 

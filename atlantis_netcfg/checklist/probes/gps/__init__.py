@@ -27,6 +27,7 @@ from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
 from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, Reception, Report, describe_trouble
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
@@ -207,11 +208,11 @@ class RouterosGps:
 
     def _off(self, settings: base.Rows) -> LinkFinding:
         if settings.rows is None:
-            message = f"{self.host} has no menu `/system gps`"
+            message = msg(f"{arg(self.host)} has no menu `/system gps`")
             return LinkFinding(
                 Verdict.FAIL, "driver-not-started", message, "install the package gps for its RouterOS version"
             )
-        message = f"the receiver of {self.host} is not switched on"
+        message = msg(f"the receiver of {arg(self.host)} is not switched on")
         return LinkFinding(
             Verdict.FAIL, "driver-not-started", message, "set `enabled=yes` and the receiver's `port` in `/system gps`"
         )
@@ -230,8 +231,10 @@ class Nowhere:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Return the finding that the address is missing."""
         del results
-        message = f"the inventory has no address for the receiver of {self.name}"
-        hint = f"set `address:` under its `endpoints.gps`, or add a DHCP reservation with the key of {self.name}"
+        message = msg(f"the inventory has no address for the receiver of {arg(self.name)}")
+        hint = msg(
+            f"set `address:` under its `endpoints.gps`, or add a DHCP reservation with the key of {arg(self.name)}"
+        )
         return base.ProbeResult((LinkFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
 
 
@@ -253,7 +256,7 @@ def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     return (
         base.Step(
             name="",
-            title=f"{cell.name} has a valid position",
+            title=msg(f"{arg(cell.name)} has a valid position"),
             kind=ItemKind.AUTOMATIC,
             phase=Phase.QUAY,
             probe=_probe(cell, endpoint),
@@ -266,11 +269,15 @@ def _manual_step(cell: base.Cell) -> base.Step:
     dimensions = "3D" if _is_uav(cell) else "2D or 3D"
     return base.Step(
         name="",
-        title=f"{cell.name} has a valid position",
+        title=msg(f"{arg(cell.name)} has a valid position"),
         kind=ItemKind.PERSON,
         phase=Phase.QUAY,
-        do=f"Bring {cell.name} under an open sky, and watch its position in the operator's program for a minute.",
-        look_for=f"A {dimensions} fix that stays, matches the map to a few metres, and has the right time (UTC).",
+        do=msg(
+            f"Bring {arg(cell.name)} under an open sky, and watch its position in the operator's program for a minute."
+        ),
+        look_for=msg(
+            f"A {arg(dimensions)} fix that stays, matches the map to a few metres, and has the right time (UTC)."
+        ),
     )
 
 
@@ -283,19 +290,19 @@ def _probe(cell: base.Cell, endpoint: model.GpsEndpoint) -> base.Probe:
         host = endpoint.seen_by or (cell.router.name if cell.router else None)
         if host is None:
             return Nowhere(cell.name)
-        return RouterosGps(_expectation(cell, endpoint, f"GPS of {host}", host, host), host)
+        return RouterosGps(_expectation(cell, endpoint, msg(f"GPS of {arg(host)}"), host, host), host)
     place = cell.place(endpoint.seen_from)
     stands = _name(cell, place)
     if endpoint.driver is model.GpsDriver.NMEA_SERIAL:
-        end = f"{endpoint.device} of {stands}"
-        expectation = _expectation(cell, endpoint, f"NMEA from {end}", end, stands)
+        end = msg(f"{arg(endpoint.device)} of {arg(stands)}")
+        expectation = _expectation(cell, endpoint, msg(f"NMEA from {arg(end)}"), end, stands)
         return StreamGps(expectation, place, device=endpoint.device or "", baud=endpoint.baud)
     address = cell.address(endpoint.address)
     if address is None:
         return Nowhere(cell.name)
     port = endpoint.port or (GPSD_PORT if endpoint.driver is model.GpsDriver.GPSD else NMEA_PORT)
     end = f"{address}:{port}"
-    source = f"gpsd at {end}" if endpoint.driver is model.GpsDriver.GPSD else f"NMEA from {end}"
+    source = msg(f"gpsd at {arg(end)}" if endpoint.driver is model.GpsDriver.GPSD else f"NMEA from {arg(end)}")
     return StreamGps(_expectation(cell, endpoint, source, end, stands), place, address=address, port=port)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes.gps import record
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 from atlantis_netcfg.links import LinkFinding
 
@@ -35,12 +36,12 @@ def from_middle_m(fence: Geofence, latitude: float, longitude: float) -> float:
 
 def place(latitude: float | None, longitude: float | None) -> str:
     """Format a position to five decimals: about a metre."""
-    return "nowhere" if latitude is None or longitude is None else f"{latitude:.5f}, {longitude:.5f}"
+    return msg("nowhere" if latitude is None or longitude is None else f"{arg(latitude):.5f}, {arg(longitude):.5f}")
 
 
 def meters(value: float) -> str:
     """Format a distance."""
-    return f"{value:.0f} m" if value < 10_000 else f"{value / 1000:.0f} km"  # noqa: PLR2004 - from 10 km on in km
+    return msg(f"{arg(value):.0f} m" if value < 10_000 else f"{arg(value / 1000):.0f} km")  # noqa: PLR2004 - from 10 km on in km
 
 
 POOR_EPH_M = 50.0
@@ -97,7 +98,7 @@ def _find_problems(reception: record.Reception, expectation: record.GpsExpectati
         yield from _quality(reception, expectation)
     total = reception.good + reception.bad
     if reception.bad > 1 and reception.bad > BAD_SHARE * total:
-        message = f"{reception.bad} of {total} lines from {expectation.end} are corrupt"
+        message = msg(f"{arg(reception.bad)} of {arg(total)} lines from {arg(expectation.end)} are corrupt")
         verdict = Verdict.FAIL if reception.bad > WORST_SHARE * total else Verdict.WARN
         hint = "check the cable, the baud rate, and whether a second device sends on the line"
         yield LinkFinding(verdict, "damaged", message, hint)
@@ -109,22 +110,25 @@ def _fix_findings(reception: record.Reception, expectation: record.GpsExpectatio
     roof = "" if expectation.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
     count, required_count = len(reception.fixes), expectation.reports
     if not any(report.has_fix for report in reception.reports):
-        message = f"the receiver of {expectation.name} works but has no fix{roof}"
+        message = msg(f"the receiver of {arg(expectation.name)} works but has no fix{arg(roof)}")
         yield LinkFinding(
             sky, "no-fix", message, "bring the antenna under an open sky and wait a minute; then check its cable"
         )
     elif not count or (reception.losses and count < required_count):
-        message = f"the receiver of {expectation.name} lost its fix during the check{roof}"
+        message = msg(f"the receiver of {arg(expectation.name)} lost its fix during the check{arg(roof)}")
         yield LinkFinding(
             sky, "fix-lost", message, "check for obstructions over the antenna, its cable, and jammers nearby"
         )
     elif reception.losses:
-        message = f"{expectation.name} lost its fix and regained it during the check, {_times_text(reception.losses)}"
+        message = msg(
+            f"{arg(expectation.name)} lost its fix and regained it during the check, "
+            f"{arg(_times_text(reception.losses))}"
+        )
         yield LinkFinding(
             Verdict.WARN, "fix-unsteady", message, "check for obstructions over the antenna, and its cable"
         )
     elif count < required_count and not reception.single and _check_stall(reception, expectation) is None:
-        message = f"received {count} of {required_count} positions in {reception.ended_s:.0f} s"
+        message = msg(f"received {arg(count)} of {arg(required_count)} positions in {arg(reception.ended_s):.0f} s")
         hint = "set the receiver to report once a second, or repeat this item"
         few = count < min(FEWEST, required_count)
         yield LinkFinding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
@@ -136,7 +140,7 @@ def _times_text(count: int) -> str:
 
 def _dimensions(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
     if expectation.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
-        message = f"{expectation.name} flies and has only a 2D fix: its height is not measured"
+        message = msg(f"{arg(expectation.name)} flies and has only a 2D fix: its height is not measured")
         yield LinkFinding(Verdict.FAIL, "fix-2d", message, "wait under an open sky for a 3D fix")
 
 
@@ -145,12 +149,14 @@ def _check_position(reception: record.Reception, expectation: record.GpsExpectat
     impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
         where = place(impossible[0].latitude, impossible[0].longitude)
-        message = f"the receiver of {expectation.name} reports a fix at {where}, which is not a valid position"
+        message = msg(
+            f"the receiver of {arg(expectation.name)} reports a fix at {arg(where)}, which is not a valid position"
+        )
         yield LinkFinding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
         return
     positions = [_position(fix) for fix in reception.fixes]
     if any(abs(latitude) < NULL_DEGREES and abs(longitude) < NULL_DEGREES for latitude, longitude in positions):
-        message = f"the position of {expectation.name} is 0, 0: its driver reports zeros for missing values"
+        message = msg(f"the position of {arg(expectation.name)} is 0, 0: its driver reports zeros for missing values")
         yield LinkFinding(
             Verdict.FAIL, "position-null", message, "restart the driver; it must not report a fix without a position"
         )
@@ -161,7 +167,9 @@ def _check_position(reception: record.Reception, expectation: record.GpsExpectat
     if expectation.fence is not None:
         yield from _outside(positions, expectation.fence, expectation)
     else:
-        message = f"{expectation.name} is at {place(*positions[-1])}; the inventory does not say where it should be"
+        message = msg(
+            f"{arg(expectation.name)} is at {arg(place(*positions[-1]))}; the inventory does not say where it should be"
+        )
         yield LinkFinding(Verdict.WARN, "no-geofence", message, "set `checklist.geofence` of the site")
 
 
@@ -176,7 +184,7 @@ def _jumps(
     steps = [(distance_m(*item, *then), gap) for (item, then), gap in zip(pairwise(positions), gaps, strict=True)]
     wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
     if wide:
-        message = f"the position of {expectation.name} jumps by {meters(max(wide))} between two reports"
+        message = msg(f"the position of {arg(expectation.name)} jumps by {arg(meters(max(wide)))} between two reports")
         yield LinkFinding(
             Verdict.FAIL,
             "position-jumps",
@@ -194,7 +202,7 @@ def _frozen(
     if lasted_s < MOVES_S or len(set(positions)) > 1 or any(item is None or item < MOVES_M_S for item in speeds):
         return
     speed = min(entry for entry in speeds if entry is not None)
-    message = f"the position of {expectation.name} does not change while its speed is {speed:.1f} m/s"
+    message = msg(f"the position of {arg(expectation.name)} does not change while its speed is {arg(speed):.1f} m/s")
     yield LinkFinding(Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats an old position")
 
 
@@ -204,9 +212,9 @@ def _rivals(
     """Yield a finding if another receiver at the same endpoint reports a different position."""
     apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
     if apart and max(apart) > RIVAL_M:
-        message = (
-            f"two positions come from {expectation.end}, {meters(max(apart))} apart; which one is "
-            f"{expectation.name}'s is unknown"
+        message = msg(
+            f"two positions come from {arg(expectation.end)}, {arg(meters(max(apart)))} apart; which one is "
+            f"{arg(expectation.name)}'s is unknown"
         )
         hint = "give each receiver its own port, and put the one that the vehicle uses in the inventory"
         yield LinkFinding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
@@ -218,14 +226,15 @@ def _outside(positions: _Positions, fence: Geofence, expectation: record.GpsExpe
         return
     far = max(outside, key=lambda item: from_middle_m(fence, *item))
     if all(_is_inside(fence, longitude, latitude) for latitude, longitude in outside):
-        text = f"{place(*far)} is inside the geofence with latitude and longitude swapped"
-        message = f"latitude and longitude of {expectation.name} are swapped: {text}"
+        text = msg(f"{arg(place(*far))} is inside the geofence with latitude and longitude swapped")
+        message = msg(f"latitude and longitude of {arg(expectation.name)} are swapped: {arg(text)}")
         hint = "fix the driver or the converter that swaps them: latitude comes first, west longitudes are negative"
         yield LinkFinding(Verdict.FAIL, "position-swapped", message, hint)
         return
     away = meters(from_middle_m(fence, *far))
-    message = (
-        f"{expectation.name} is at {place(*far)}, {away} from the centre of the geofence of {meters(fence.radius_m)}"
+    message = msg(
+        f"{arg(expectation.name)} is at {arg(place(*far))}, {arg(away)} from the centre of the geofence of "
+        f"{arg(meters(fence.radius_m))}"
     )
     yield LinkFinding(Verdict.FAIL, "outside-geofence", message, _sign_hint(fence, *far))
 
@@ -251,14 +260,16 @@ def _check_time(reception: record.Reception, expectation: record.GpsExpectation)
     if all(item.time is None for item in reception.fixes):
         hint = "configure the receiver to send RMC or ZDA as well"
         if all(fix.of_day is None for fix in reception.fixes):
-            message = f"the positions of {expectation.name} have no time: they may be old"
+            message = msg(f"the positions of {arg(expectation.name)} have no time: they may be old")
             yield LinkFinding(Verdict.INCONCLUSIVE, "no-time", message, hint)
         else:
-            message = f"the positions of {expectation.name} have a time but no date: GGA and GLL have none"
+            message = msg(f"the positions of {arg(expectation.name)} have a time but no date: GGA and GLL have none")
             yield LinkFinding(Verdict.WARN, "no-date", message, hint)
     back_s = max((_backward_step_s(report, then) for report, then in pairwise(reception.fixes)), default=0.0)
     if back_s > BACK_S:
-        message = f"the time of {expectation.name} goes back by {_format_duration(back_s)} between two positions"
+        message = msg(
+            f"the time of {arg(expectation.name)} goes back by {arg(_format_duration(back_s))} between two positions"
+        )
         hint = "check whether two receivers send on this line, or a recorded log is replayed in a loop"
         yield LinkFinding(Verdict.FAIL, "time-goes-back", message, hint)
         return
@@ -280,7 +291,7 @@ def _check_stall(reception: record.Reception, expectation: record.GpsExpectation
     age_s = reception.ended_s - fixes[-1].at_s
     # Whoever reports rarely is late between two reports, and is told that it is slow.
     if age_s > expectation.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
-        message = f"the last position of {expectation.name} is {age_s:.0f} s old: none came after it"
+        message = msg(f"the last position of {arg(expectation.name)} is {arg(age_s):.0f} s old: none came after it")
         return LinkFinding(
             Verdict.FAIL, "fix-stale", message, "check whether the receiver and its driver are still running"
         )
@@ -291,7 +302,7 @@ def _check_stall(reception: record.Reception, expectation: record.GpsExpectation
     if repeats < min(3, expectation.reports):
         return None
     if repeats >= expectation.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
-        message = f"the receiver of {expectation.name} repeats one position: its time does not advance"
+        message = msg(f"the receiver of {arg(expectation.name)} repeats one position: its time does not advance")
         return LinkFinding(
             Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats the last value"
         )
@@ -304,19 +315,24 @@ def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> I
     whose = clock_of(reception, expectation)
     if ahead_s is None:
         if any(fix.stamp is not None for fix in reception.fixes):
-            message = f"the time of the receiver of {expectation.name} was not compared with a clock"
+            message = msg(f"the time of the receiver of {arg(expectation.name)} was not compared with a clock")
             yield LinkFinding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
         return
     if uneven_s > UNEVEN_S:
-        message = f"the time of {expectation.name} drifts from the clock of {whose}: by {_format_duration(uneven_s)}"
+        message = msg(
+            f"the time of {arg(expectation.name)} drifts from the clock of {arg(whose)}: by "
+            f"{arg(_format_duration(uneven_s))}"
+        )
         hint = "check whether a recorded log is replayed at this endpoint at another speed"
         yield LinkFinding(Verdict.FAIL, "time-uneven", message, hint)
         return
     if abs(ahead_s) <= CLOCK_S or (reception.zone_s and abs(ahead_s - reception.zone_s) <= CLOCK_S):
         return
-    message = f"{expectation.name}'s receiver is {clock_words(ahead_s)} the clock of {whose}"
+    message = msg(f"{arg(expectation.name)}'s receiver is {arg(clock_words(ahead_s))} the clock of {arg(whose)}")
     verdict = Verdict.FAIL if ahead_s < 0 else Verdict.INCONCLUSIVE
-    hint = f"find out which of the two is wrong: compare both with a third clock, and {whose} with its time server"
+    hint = msg(
+        f"find out which of the two is wrong: compare both with a third clock, and {arg(whose)} with its time server"
+    )
     if _is_multiple(ahead_s, ROLLOVER_S):
         verdict = Verdict.INCONCLUSIVE
         hint = (
@@ -327,7 +343,9 @@ def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> I
         verdict = Verdict.INCONCLUSIVE
         hint = "one of them is set to a time zone (receivers and computers use UTC here), or an old log is replayed"
     elif abs(ahead_s) > record.DAY_S:
-        hint = f"check whether a recorded log is replayed to its port; otherwise compare {whose} with a third clock"
+        hint = msg(
+            f"check whether a recorded log is replayed to its port; otherwise compare {arg(whose)} with a third clock"
+        )
     yield LinkFinding(verdict, "clock-differs", message, hint)
 
 
@@ -353,7 +371,7 @@ def _format_duration(seconds: float) -> str:
 
 def clock_words(ahead_s: float) -> str:
     """Format a clock difference: `3.2 s behind`, `2 h ahead of`."""
-    return f"{_format_duration(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
+    return msg(f"{arg(_format_duration(abs(ahead_s)))} {'behind' if ahead_s < 0 else 'ahead of'}")
 
 
 def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[LinkFinding]:
@@ -363,13 +381,15 @@ def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> 
     if nature is not None:
         verdict, hint = _NATURES[nature]
         code = f"position-{nature.name.lower().replace('_', '-')}"
-        yield LinkFinding(verdict, code, f"the position of {expectation.name} is {nature}, not measured", hint)
+        yield LinkFinding(
+            verdict, code, msg(f"the position of {arg(expectation.name)} is {arg(nature)}, not measured"), hint
+        )
         return
     count = reception.satellites
     if count is not None and count < LEAST_SATELLITES:
-        message = (
-            f"the receiver of {expectation.name} reports a fix from {count} satellites: at least "
-            f"{LEAST_SATELLITES} are needed"
+        message = msg(
+            f"the receiver of {arg(expectation.name)} reports a fix from {arg(count)} satellites: at least "
+            f"{arg(LEAST_SATELLITES)} are needed"
         )
         hint = "find out where the position comes from: a simulator, a fixed position, or a driver that fills it in"
         # gpsd counts by numbers that some receivers give otherwise in GSA than in GSV (geos-1m of its own logs).
@@ -394,24 +414,29 @@ def _quality(reception: record.Reception, expectation: record.GpsExpectation) ->
     # Written so that what is no number is poor, too.
     if eph_m is not None and not 0 <= eph_m <= POOR_EPH_M:
         nothing = expectation.fence is not None and not 0 <= eph_m <= expectation.fence.radius_m
-        message = f"the position of {expectation.name} is uncertain: the receiver estimates an error of {meters(eph_m)}"
+        message = msg(
+            f"the position of {arg(expectation.name)} is uncertain: the receiver estimates an error of "
+            f"{arg(meters(eph_m))}"
+        )
         yield LinkFinding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
     elif hdop is not None and not 0 <= hdop <= POOR_HDOP:
-        message = f"{expectation.name} has a poor satellite geometry: HDOP {hdop:.1f}"
+        message = msg(f"{arg(expectation.name)} has a poor satellite geometry: HDOP {arg(hdop):.1f}")
         verdict = Verdict.WARN if 0 <= hdop <= NO_HDOP else Verdict.INCONCLUSIVE
         yield LinkFinding(verdict, "position-uncertain", message, hint)
 
 
 def _good_finding(reception: record.Reception, expectation: record.GpsExpectation) -> LinkFinding:
     last = reception.fixes[-1]
-    count = "" if reception.satellites is None else f" from {reception.satellites} satellites"
+    count = msg("" if reception.satellites is None else f" from {arg(reception.satellites)} satellites")
     where = place(last.latitude, last.longitude)
     if expectation.fence is not None and last.latitude is not None and last.longitude is not None:
-        where += (
-            f", {meters(from_middle_m(expectation.fence, last.latitude, last.longitude))} from the centre of "
+        where += msg(
+            f", {arg(meters(from_middle_m(expectation.fence, last.latitude, last.longitude)))} from the centre of "
             "the geofence"
         )
-    return LinkFinding(Verdict.PASS, "fix", f"{expectation.name} has a {last.mode}D fix{count} at {where}")
+    return LinkFinding(
+        Verdict.PASS, "fix", msg(f"{arg(expectation.name)} has a {arg(last.mode)}D fix{arg(count)} at {arg(where)}")
+    )
 
 
 _READ, _MEASUREMENT, _INVENTORY = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
@@ -424,7 +449,7 @@ def evidence(reception: record.Reception, expectation: record.GpsExpectation) ->
     source = expectation.source.replace("gpsd", f"gpsd{version}", 1) + device
     items = [Evidence(type=_READ, what="source", value=source)]
     if reception.others:
-        items.append(Evidence(type=_READ, what="other receivers, ignored", value=", ".join(reception.others)))
+        items.append(Evidence(type=_READ, what="other receivers, ignored", value=join(", ", reception.others)))
     items += [
         Evidence(type=_READ, what="error reported by the source", value=words) for words in reception.complaints[:3]
     ]
@@ -444,7 +469,7 @@ def _reception_evidence(reception: record.Reception, expectation: record.GpsExpe
         )
     ahead_s = reception.clock_ahead_s
     if ahead_s is not None:
-        value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, expectation)}"
+        value = msg(f"{arg(clock_words(ahead_s))} the clock of {arg(clock_of(reception, expectation))}")
         yield Evidence(type=_MEASUREMENT, what="receiver time", value=value)
     yield Evidence(type=_MEASUREMENT, what="reports", value=_count(reception))
     yield Evidence(type=_INVENTORY, what="geofence", value=_fence(last, expectation))
@@ -453,24 +478,26 @@ def _reception_evidence(reception: record.Reception, expectation: record.GpsExpe
 def _fix(last: record.Report, reception: record.Reception) -> str:
     words = [f"{last.mode}D" if last.has_fix else "none"]
     if reception.satellites is not None:
-        words.append(f"{reception.satellites} satellites")
+        words.append(msg(f"{arg(reception.satellites)} satellites"))
     if reception.hdop is not None:
         words.append(f"HDOP {reception.hdop:.1f}")
-    return ", ".join(words)
+    return join(", ", words)
 
 
 def _count(reception: record.Reception) -> str:
     if reception.single:
         return "1: a RouterOS device reports only its latest position"
-    total, text = len(reception.reports), f"in {reception.ended_s:.0f} s"
-    return f"{len(reception.fixes)} fixes in a row at the end of {total} reports {text}"
+    total, text = len(reception.reports), msg(f"in {arg(reception.ended_s):.0f} s")
+    return msg(f"{arg(len(reception.fixes))} fixes in a row at the end of {arg(total)} reports {arg(text)}")
 
 
 def _fence(last: record.Report, expectation: record.GpsExpectation) -> str:
     fence = expectation.fence
     if fence is None:
         return "none in the inventory"
-    words = f"{place(fence.latitude, fence.longitude)}, radius {meters(fence.radius_m)}"
+    words = msg(f"{arg(place(fence.latitude, fence.longitude))}, radius {arg(meters(fence.radius_m))}")
     if last.has_fix and last.possible and last.latitude is not None and last.longitude is not None:
-        words += f"; the position is {meters(from_middle_m(fence, last.latitude, last.longitude))} from its centre"
+        words += msg(
+            f"; the position is {arg(meters(from_middle_m(fence, last.latitude, last.longitude)))} from its centre"
+        )
     return words

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes.base import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 from atlantis_netcfg.links import LinkFinding
 
@@ -248,14 +249,17 @@ def _refusal_finding(expectation: GpsExpectation) -> LinkFinding:
         return LinkFinding(
             _FAIL,
             "driver-not-started",
-            f"{expectation.name} is reachable, but no gpsd listens at {expectation.end}",
-            f"start gpsd on {expectation.name} with its option -G: without it gpsd serves only its own computer",
+            msg(f"{arg(expectation.name)} is reachable, but no gpsd listens at {arg(expectation.end)}"),
+            msg(
+                f"start gpsd on {arg(expectation.name)} with its option -G: without it gpsd serves only its own "
+                "computer"
+            ),
         )
     return LinkFinding(
         _INCONCLUSIVE,
         "refused",
-        f"{expectation.end} refuses the connection: its program is not running, or serves only one client",
-        f"check on {expectation.name} whether the NMEA program runs, and which client is connected to it",
+        msg(f"{arg(expectation.end)} refuses the connection: its program is not running, or serves only one client"),
+        msg(f"check on {arg(expectation.name)} whether the NMEA program runs, and which client is connected to it"),
     )
 
 
@@ -269,7 +273,7 @@ def speechless(reception: Reception, expectation: GpsExpectation) -> LinkFinding
         return LinkFinding(
             _FAIL,
             "device-missing",
-            f"{expectation.source} runs, but has no receiver open",
+            msg(f"{arg(expectation.source)} runs, but has no receiver open"),
             "connect the receiver; DEVICES in /etc/default/gpsd sets its port, and gpsd's log shows why it fails",
         )
     return _no_data(reception, expectation)
@@ -280,36 +284,42 @@ def _foreign_finding(reception: Reception, expectation: GpsExpectation) -> LinkF
         return LinkFinding(
             _FAIL,
             "not-gpsd",
-            f"{expectation.end} is not gpsd: it sent {reception.heard_bytes} bytes without one line of gpsd's JSON",
+            msg(
+                f"{arg(expectation.end)} is not gpsd: it sent {arg(reception.heard_bytes)} bytes without one line of "
+                "gpsd's JSON"
+            ),
             "compare `port:` with the port on which gpsd listens (2947 unless option -S changes it)",
         )
     hint = "compare `port:` with the port of the NMEA stream"
     if expectation.driver is GpsDriver.NMEA_SERIAL:
         hint = "compare `baud:` with the receiver's rate: 4800, 9600, 38400 and 115200 are usual"
-    message = f"{reception.heard_bytes} bytes came from {expectation.end}, but no complete NMEA sentence"
+    message = msg(f"{arg(reception.heard_bytes)} bytes came from {arg(expectation.end)}, but no complete NMEA sentence")
     return LinkFinding(_FAIL, "not-nmea", message, hint)
 
 
 def _no_data(reception: Reception, expectation: GpsExpectation) -> LinkFinding:
-    after = f"in {reception.ended_s:.0f} s"
+    after = msg(f"in {arg(reception.ended_s):.0f} s")
     if expectation.driver is GpsDriver.GPSD:
-        devices = ", ".join(reception.devices or ()) or "its receiver"
-        message = f"{expectation.source} has opened {devices}, which sent nothing {after}"
+        devices = join(", ", reception.devices or ()) or "its receiver"
+        message = msg(f"{arg(expectation.source)} has opened {arg(devices)}, which sent nothing {arg(after)}")
         return LinkFinding(
             _FAIL, "no-data", message, "check the receiver's power and wiring; gpsd tries the baud rates itself"
         )
     if expectation.driver is GpsDriver.ROUTEROS:
         hint = "compare `port` of `/system gps` with the port of the receiver"
-        return LinkFinding(_FAIL, "no-data", f"{expectation.source} reports nothing about its receiver", hint)
+        return LinkFinding(_FAIL, "no-data", msg(f"{arg(expectation.source)} reports nothing about its receiver"), hint)
     if reception.is_recognized:
-        message = (
-            f"{reception.good} NMEA sentences came from {expectation.end} {after}, but no position (GGA, RMC, GLL)"
+        message = msg(
+            f"{arg(reception.good)} NMEA sentences came from {arg(expectation.end)} {arg(after)}, but no position "
+            "(GGA, RMC, GLL)"
         )
         return LinkFinding(_FAIL, "no-data", message, "configure the receiver to send GGA, RMC and GSA")
     if expectation.driver is GpsDriver.NMEA_SERIAL:
-        message = f"{expectation.end} is open but sent nothing {after}"
+        message = msg(f"{arg(expectation.end)} is open but sent nothing {arg(after)}")
         return LinkFinding(_FAIL, "no-data", message, "check the receiver's power and wiring")
     # A server for one client may as well let the second one wait.
-    message = f"{expectation.end} accepts the connection but sent nothing {after}"
-    hint = f"check on {expectation.name} whether the receiver is on, and whether its program serves only one client"
+    message = msg(f"{arg(expectation.end)} accepts the connection but sent nothing {arg(after)}")
+    hint = msg(
+        f"check on {arg(expectation.name)} whether the receiver is on, and whether its program serves only one client"
+    )
     return LinkFinding(_INCONCLUSIVE, "no-data", message, hint)

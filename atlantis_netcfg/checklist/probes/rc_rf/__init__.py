@@ -25,6 +25,7 @@ from atlantis_netcfg.checklist.probes.rc_rf.judge import (
 )
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Stream, System, enough, read
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -45,33 +46,40 @@ def evidence(stream: Stream, expectation: RcExpectation) -> tuple[report.Evidenc
 
 def _find_evidence(source: Stream, expectation: RcExpectation) -> Iterator[report.Evidence]:
     versions = " and ".join(map(str, source.versions)) or "of unknown version"
-    stream = f"MAVLink {versions}, {source.good} frames and {source.bad} corrupted pieces in {source.ended_s:.0f} s"
-    yield report.Evidence(type=_MEASUREMENT, what=f"stream at {expectation.end}", value=stream)
-    autopilots = ", ".join(map(str, source.autopilots)) or "none"
+    stream = msg(
+        f"MAVLink {arg(versions)}, {arg(source.good)} frames and {arg(source.bad)} corrupted pieces in "
+        f"{arg(source.ended_s):.0f} s"
+    )
+    yield report.Evidence(type=_MEASUREMENT, what=msg(f"stream at {arg(expectation.end)}"), value=stream)
+    autopilots = join(", ", map(str, source.autopilots)) or "none"
     yield report.Evidence(type=_READ, what="system ids with an autopilot", value=autopilots)
     system = source.systems.get(expectation.system_id, System())
     if any(system.senders):
-        yield report.Evidence(type=_MEASUREMENT, what="source of its stream", value=", ".join(system.senders))
+        yield report.Evidence(type=_MEASUREMENT, what="source of its stream", value=join(", ", system.senders))
     if system.beats:
         state = "armed" if any(beat.is_armed for beat in system.beats) else "disarmed"
-        yield report.Evidence(type=_READ, what="autopilot", value=f"{state}, {len(system.beats)} heartbeats")
+        yield report.Evidence(
+            type=_READ, what="autopilot", value=msg(f"{arg(state)}, {arg(len(system.beats))} heartbeats")
+        )
     if system.channels:
         last = system.channels[-1]
-        yield report.Evidence(type=_READ, what="channels", value=f"{last.count}, {_values(last.values)}")
+        yield report.Evidence(type=_READ, what="channels", value=msg(f"{arg(last.count)}, {arg(_values(last.values))}"))
         yield report.Evidence(
             type=_READ, what="rssi", value=_describe_rssi([channel.rssi for channel in system.channels])
         )
     if system.receiver:
         receiver = system.receiver[-1]
         words = (("present", receiver.present), ("enabled", receiver.is_enabled), ("healthy", receiver.healthy))
-        text = ", ".join(word if holds else f"not {word}" for word, holds in words)
+        text = join(", ", (word if holds else msg(f"not {arg(word)}") for word, holds in words))
         yield report.Evidence(type=_READ, what="receiver", value=text)
 
 
 def movement(stream: Stream, expectation: RcExpectation) -> Iterator[report.Evidence]:
     """Yield the range of each channel that moved."""
     for number, (low, high) in ranges(stream.systems.get(expectation.system_id, System()).channels).items():
-        yield report.Evidence(type=_MEASUREMENT, what=f"channel {number}", value=f"{low} to {high} us")
+        yield report.Evidence(
+            type=_MEASUREMENT, what=msg(f"channel {arg(number)}"), value=msg(f"{arg(low)} to {arg(high)} us")
+        )
 
 
 def _values(values: tuple[int | None, ...]) -> str:
@@ -82,7 +90,7 @@ def _describe_rssi(result: list[int]) -> str:
     known_rssi = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if not known_rssi:
         return "unknown (255)"
-    return f"{min(known_rssi)} to {max(known_rssi)} on its own scale"
+    return msg(f"{arg(min(known_rssi))} to {arg(max(known_rssi))} on its own scale")
 
 
 LISTEN_S = 8.0
@@ -166,7 +174,7 @@ def _stream_steps(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, .
     return (
         base.Step(
             name="",
-            title=f"{cell.name} receives its remote control, and is disarmed",
+            title=msg(f"{arg(cell.name)} receives its remote control, and is disarmed"),
             kind=report.ItemKind.AUTOMATIC,
             phase=report.Phase.BENCH,
             probe=RcHeard(expectation, place),
@@ -174,14 +182,19 @@ def _stream_steps(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, .
         ),
         base.Step(
             name="sticks",
-            title=f"The channels of {cell.name} follow the sticks",
+            title=msg(f"The channels of {arg(cell.name)} follow the sticks"),
             kind=report.ItemKind.ACTIVE,
             phase=report.Phase.BENCH,
             probe=StickMovementProbe(expectation, place),
             consent=base.Consent(
-                question=f"the propellers are off {cell.name}, or it is disarmed and secured; nobody is near it",
+                question=msg(
+                    f"the propellers are off {arg(cell.name)}, or it is disarmed and secured; nobody is near it"
+                ),
                 # Held in a corner, a stick arms or disarms.
-                prompt=f"ask the pilot of {cell.name} to move both sticks in circles, without holding them in a corner",
+                prompt=msg(
+                    f"ask the pilot of {arg(cell.name)} to move both sticks in circles, without holding them in a "
+                    "corner"
+                ),
             ),
             concerns=concerns,
         ),
@@ -191,12 +204,12 @@ def _stream_steps(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, .
 def _manual_step(cell: base.Cell) -> base.Step:
     return base.Step(
         name="",
-        title=f"{cell.name} receives its remote control",
+        title=msg(f"{arg(cell.name)} receives its remote control"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=(
-            f"Remove the propellers from {cell.name}, or leave it disarmed and secured. Switch the transmitter on, "
-            "and move both sticks and every switch, one after the other."
+        do=msg(
+            f"Remove the propellers from {arg(cell.name)}, or leave it disarmed and secured. Switch the transmitter "
+            "on, and move both sticks and every switch, one after the other."
         ),
         look_for=(
             "The channels in the operator's program follow each stick and switch over the full range; the program "
@@ -208,11 +221,11 @@ def _manual_step(cell: base.Cell) -> base.Step:
 def _failsafe(cell: base.Cell) -> base.Step:
     return base.Step(
         name="failsafe",
-        title=f"{cell.name} goes to failsafe when its remote control is lost",
+        title=msg(f"{arg(cell.name)} goes to failsafe when its remote control is lost"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.BENCH,
-        do=(
-            f"Remove the propellers from {cell.name} and secure it. Switch the transmitter off, wait ten seconds, "
+        do=msg(
+            f"Remove the propellers from {arg(cell.name)} and secure it. Switch the transmitter off, wait ten seconds, "
             "and switch it on again."
         ),
         look_for=(
@@ -225,12 +238,12 @@ def _failsafe(cell: base.Cell) -> base.Step:
 def _range(cell: base.Cell) -> base.Step:
     return base.Step(
         name="range",
-        title=f"The remote control of {cell.name} has enough range",
+        title=msg(f"The remote control of {arg(cell.name)} has enough range"),
         kind=report.ItemKind.PERSON,
         phase=report.Phase.QUAY,
-        do=(
-            f"Leave {cell.name} disarmed and secured. Set the transmitter to its reduced power for range tests. Walk "
-            "30 m away in line of sight, turn round once, and move the sticks."
+        do=msg(
+            f"Leave {arg(cell.name)} disarmed and secured. Set the transmitter to its reduced power for range tests. "
+            "Walk 30 m away in line of sight, turn round once, and move the sticks."
         ),
         look_for=(
             "The channels follow without interruption in every direction, and no failsafe is reported; set the "

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes.base import Transcript, Trouble
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Channels, Stream, System
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def judge(stream: Stream, expectation: RcExpectation) -> tuple[LinkFinding, ...]
 def _check_heartbeat(stream: Stream, system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     age_s = stream.ended_s - system.beats[-1].at_s
     if age_s > FRESH_S:
-        message = f"the last heartbeat of {expectation.name} is {age_s:.0f} s old"
+        message = msg(f"the last heartbeat of {arg(expectation.name)} is {arg(age_s):.0f} s old")
         yield LinkFinding(
             Verdict.FAIL, "heartbeat-lost", message, "check the autopilot's power and the forwarding of its stream"
         )
@@ -53,7 +54,10 @@ def _check_heartbeat(stream: Stream, system: System, expectation: RcExpectation)
     last = system.channels[-1]
     channels_age_s = stream.ended_s - last.at_s
     if channels_age_s > max(FRESH_S, age_s):
-        message = f"the channels of {expectation.name} stopped {channels_age_s:.0f} s ago, but its heartbeats continue"
+        message = msg(
+            f"the channels of {arg(expectation.name)} stopped {arg(channels_age_s):.0f} s ago, but its heartbeats "
+            "continue"
+        )
         yield LinkFinding(
             Verdict.FAIL,
             "channels-stale",
@@ -61,7 +65,7 @@ def _check_heartbeat(stream: Stream, system: System, expectation: RcExpectation)
             "check the remote control's receiver and its cable to the autopilot",
         )
     if not last.count or all(value is None for value in last.values):
-        message = f"the autopilot of {expectation.name} receives no channel of the remote control"
+        message = msg(f"the autopilot of {arg(expectation.name)} receives no channel of the remote control")
         yield LinkFinding(
             Verdict.FAIL,
             "no-receiver",
@@ -69,7 +73,9 @@ def _check_heartbeat(stream: Stream, system: System, expectation: RcExpectation)
             "switch the transmitter on, then check the receiver's cable and binding",
         )
     elif strange := odd(last):
-        message = f"the channels of {expectation.name} are outside {LOW_US} to {HIGH_US} us: {strange}"
+        message = msg(
+            f"the channels of {arg(expectation.name)} are outside {arg(LOW_US)} to {arg(HIGH_US)} us: {arg(strange)}"
+        )
         yield LinkFinding(
             Verdict.FAIL,
             "channels-odd",
@@ -80,7 +86,7 @@ def _check_heartbeat(stream: Stream, system: System, expectation: RcExpectation)
 
 def no_channels(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     """Return the finding for a stream without RC_CHANNELS, which may be due to a setting, so nothing follows."""
-    message = f"{expectation.name} sent no RC_CHANNELS within {stream.ended_s:.0f} s"
+    message = msg(f"{arg(expectation.name)} sent no RC_CHANNELS within {arg(stream.ended_s):.0f} s")
     hint = (
         "ask its operators to add RC_CHANNELS to the stream (ArduPilot: SRx_RC_CHAN; PX4: mavlink stream); this "
         "program requests nothing"
@@ -91,26 +97,28 @@ def no_channels(stream: Stream, expectation: RcExpectation) -> LinkFinding:
 def odd(channels: Channels) -> str:
     """Describe the channels whose values are out of range; empty if there are none."""
     strange = [
-        f"channel {number}: {value}"
+        msg(f"channel {arg(number)}: {arg(value)}")
         for number, value in enumerate(channels.values, 1)
         if value is not None and not LOW_US <= value <= HIGH_US
     ]
-    return ", ".join(strange)
+    return join(", ", strange)
 
 
 def _receiver_findings(system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     if not system.receiver:
-        message = f"{expectation.name} sends no SYS_STATUS: what its autopilot reports about the receiver is unknown"
+        message = msg(
+            f"{arg(expectation.name)} sends no SYS_STATUS: what its autopilot reports about the receiver is unknown"
+        )
         yield LinkFinding(Verdict.WARN, "no-sys-status", message, "ask its operators to add SYS_STATUS to the stream")
         return
     last = system.receiver[-1]
     if not last.present:
-        message = f"the autopilot of {expectation.name} has no remote-control receiver"
+        message = msg(f"the autopilot of {arg(expectation.name)} has no remote-control receiver")
         yield LinkFinding(
             Verdict.FAIL, "receiver-absent", message, "check the receiver's cable and the autopilot's RC protocol"
         )
     elif not last.is_enabled:
-        message = f"the autopilot of {expectation.name} has the remote control disabled"
+        message = msg(f"the autopilot of {arg(expectation.name)} has the remote control disabled")
         yield LinkFinding(
             Verdict.FAIL,
             "receiver-disabled",
@@ -118,7 +126,7 @@ def _receiver_findings(system: System, expectation: RcExpectation) -> Iterator[L
             "ask its operators to enable the remote control in the autopilot",
         )
     elif not last.healthy:
-        message = f"the autopilot of {expectation.name} reports the remote-control receiver as unhealthy"
+        message = msg(f"the autopilot of {arg(expectation.name)} reports the remote-control receiver as unhealthy")
         yield LinkFinding(
             Verdict.FAIL, "receiver-unhealthy", message, "switch the transmitter on, and check the receiver's antenna"
         )
@@ -128,28 +136,28 @@ def _rssi(system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
     result = [channel.rssi for channel in system.channels if channel.count]
     known_rssi = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if result and not known_rssi:
-        message = f"{expectation.name} does not report the signal strength of the remote control (rssi 255)"
+        message = msg(f"{arg(expectation.name)} does not report the signal strength of the remote control (rssi 255)")
         yield LinkFinding(Verdict.WARN, "rssi-unknown", message, "rely on the manual range test")
     if not known_rssi:
         return
     if expectation.rssi_low is not None and min(known_rssi) < expectation.rssi_low:
-        message = (
-            f"the remote control of {expectation.name} has rssi {min(known_rssi)}, below its own limit "
-            f"{expectation.rssi_low}"
+        message = msg(
+            f"the remote control of {arg(expectation.name)} has rssi {arg(min(known_rssi))}, below its own limit "
+            f"{arg(expectation.rssi_low)}"
         )
         yield LinkFinding(
             Verdict.WARN, "rssi-low", message, "check both antennas; the value is only comparable within this vehicle"
         )
     if max(known_rssi) - min(known_rssi) > UNSTEADY * max(known_rssi):
-        message = (
-            f"the signal of the remote control of {expectation.name} is unsteady: rssi {min(known_rssi)} to "
-            f"{max(known_rssi)}"
+        message = msg(
+            f"the signal of the remote control of {arg(expectation.name)} is unsteady: rssi {arg(min(known_rssi))} to "
+            f"{arg(max(known_rssi))}"
         )
         yield LinkFinding(
             Verdict.WARN, "rssi-unsteady", message, "check both antennas, and for other transmitters in the band"
         )
     elif not max(known_rssi):
-        message = f"{expectation.name} reports rssi 0: no signal, or RSSI is not set up"
+        message = msg(f"{arg(expectation.name)} reports rssi 0: no signal, or RSSI is not set up")
         yield LinkFinding(
             Verdict.WARN, "rssi-zero", message, "rely on the manual range test, or set up RSSI in the autopilot"
         )
@@ -158,7 +166,7 @@ def _rssi(system: System, expectation: RcExpectation) -> Iterator[LinkFinding]:
 def _check_damage(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFinding]:
     total = stream.good + stream.bad
     if stream.bad > 1 and stream.bad > BAD_SHARE * total:
-        message = f"{stream.bad} of {total} pieces of the stream at {expectation.end} are corrupted"
+        message = msg(f"{arg(stream.bad)} of {arg(total)} pieces of the stream at {arg(expectation.end)} are corrupted")
         yield LinkFinding(
             Verdict.WARN, "damaged", message, "check the telemetry radio or serial line that carries the stream"
         )
@@ -166,7 +174,10 @@ def _check_damage(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFi
 
 def _good_finding(system: System, expectation: RcExpectation) -> LinkFinding:
     last = system.channels[-1]
-    message = f"{expectation.name} is disarmed and receives its remote control: {last.count} channels, rssi {last.rssi}"
+    message = msg(
+        f"{arg(expectation.name)} is disarmed and receives its remote control: {arg(last.count)} channels, rssi "
+        f"{arg(last.rssi)}"
+    )
     return LinkFinding(Verdict.PASS, "rc-heard", message)
 
 
@@ -180,8 +191,8 @@ def check_disarmed(stream: Stream, expectation: RcExpectation) -> LinkFinding | 
     hot = [number for number, system in stream.systems.items() if system.is_armed]
     if not hot:
         return None
-    who = expectation.name if expectation.system_id in hot else f"system {hot[0]}"
-    message = f"STOP AT ONCE: {who} is armed; its propellers may start"
+    who = expectation.name if expectation.system_id in hot else msg(f"system {arg(hot[0])}")
+    message = msg(f"STOP AT ONCE: {arg(who)} is armed; its propellers may start")
     return LinkFinding(
         _FAIL, "armed", message, "keep clear; ask the pilot to disarm it and remove the battery; then start again"
     )
@@ -194,7 +205,10 @@ def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> 
             _not_listened_finding(answer, expectation) if answer.trouble is not None else _silent(stream, expectation)
         )
     if not stream.good:
-        message = f"the data at {expectation.end} is not MAVLink: {stream.heard_bytes} bytes without one complete frame"
+        message = msg(
+            f"the data at {arg(expectation.end)} is not MAVLink: {arg(stream.heard_bytes)} bytes without one complete "
+            "frame"
+        )
         return LinkFinding(
             _FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded"
         )
@@ -206,20 +220,20 @@ def doubts(stream: Stream, expectation: RcExpectation) -> Iterator[LinkFinding]:
     """Yield findings for data that may come from another sender or time; a person may know better."""
     system = stream.systems[expectation.system_id]
     if expectation.address is None:
-        result = f"it came from {', '.join(system.senders)}" if any(system.senders) else "not checked"
-        message = f"the inventory has no source address for the stream of {expectation.name}; {result}"
+        result = msg(f"it came from {arg(join(', ', system.senders))}" if any(system.senders) else "not checked")
+        message = msg(f"the inventory has no source address for the stream of {arg(expectation.name)}; {arg(result)}")
         hint = "set `endpoints.rc_rf.address`, or reserve its address in `site.lan.reservations`"
         yield LinkFinding(_INCONCLUSIVE, "sender-unknown", message, hint)
     if system.overrides:
-        message = f"a ground station sends channels to {expectation.name} instead of its remote control"
+        message = msg(f"a ground station sends channels to {arg(expectation.name)} instead of its remote control")
         hint = "switch off the ground station's joystick, then repeat this item"
         yield LinkFinding(_INCONCLUSIVE, "overridden", message, hint)
     apart = [ahead for ahead in system.ahead_s if abs(ahead) > APART_S]
     if apart:
-        span = f"{abs(apart[0]) / 60:.0f} min {'ahead' if apart[0] > 0 else 'old'}"
-        message = f"by its own clock, the stream of {expectation.name} is {span}"
-        hint = (
-            f"check whether a recorded flight is replayed at {expectation.end}; if the stream is live, check both "
+        span = msg(f"{arg(abs(apart[0]) / 60):.0f} min {'ahead' if apart[0] > 0 else 'old'}")
+        message = msg(f"by its own clock, the stream of {arg(expectation.name)} is {arg(span)}")
+        hint = msg(
+            f"check whether a recorded flight is replayed at {arg(expectation.end)}; if the stream is live, check both "
             "clocks"
         )
         yield LinkFinding(_INCONCLUSIVE, "of-another-time", message, hint)
@@ -232,8 +246,8 @@ def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterato
     if not result:
         return
     if len(result) == 1:
-        message = (
-            f"the channels of {expectation.name} came only once within {stream.ended_s:.0f} s: cannot tell "
+        message = msg(
+            f"the channels of {arg(expectation.name)} came only once within {arg(stream.ended_s):.0f} s: cannot tell "
             "whether they are live"
         )
         yield LinkFinding(_INCONCLUSIVE, "once", message, "ask its operators to send RC_CHANNELS four times a second")
@@ -242,27 +256,29 @@ def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterato
     elapsed_s, went = result[-1].at_s - result[0].at_s, counts[-1] - counts[0]
     back = any(after < before - 1 for before, after in pairwise(counts))
     if len(set(counts)) == 1:
-        message = (
-            f"the same channels of {expectation.name} came {len(result)} times: its autopilot's time does not advance"
+        message = msg(
+            f"the same channels of {arg(expectation.name)} came {arg(len(result))} times: its autopilot's time does "
+            "not advance"
         )
         hint = "something repeats one message: check what forwards the stream, and the autopilot"
         yield LinkFinding(_FAIL, "frozen", message, hint)
     elif back or not elapsed_s / 2 - 1 <= went <= elapsed_s * 2 + 2:
-        message = (
-            f"the autopilot of {expectation.name} advanced {went:.0f} s in {elapsed_s:.0f} s: the data is not live"
+        message = msg(
+            f"the autopilot of {arg(expectation.name)} advanced {arg(went):.0f} s in {arg(elapsed_s):.0f} s: the data "
+            "is not live"
         )
-        hint = (
-            f"check whether a recorded flight is replayed at {expectation.end}; otherwise the autopilot was "
+        hint = msg(
+            f"check whether a recorded flight is replayed at {arg(expectation.end)}; otherwise the autopilot was "
             "restarted: repeat this item"
         )
         yield LinkFinding(_INCONCLUSIVE, "not-live", message, hint)
 
 
 def _silent(stream: Stream, expectation: RcExpectation) -> LinkFinding:
-    message = f"nothing arrived at {expectation.end} in {stream.ended_s:.0f} s"
-    hint = (
-        f"switch {expectation.name} on, and set its companion computer to forward the MAVLink stream to "
-        f"{expectation.end}"
+    message = msg(f"nothing arrived at {arg(expectation.end)} in {arg(stream.ended_s):.0f} s")
+    hint = msg(
+        f"switch {arg(expectation.name)} on, and set its companion computer to forward the MAVLink stream to "
+        f"{arg(expectation.end)}"
     )
     return LinkFinding(_INCONCLUSIVE, "silent", message, hint)
 
@@ -270,31 +286,37 @@ def _silent(stream: Stream, expectation: RcExpectation) -> LinkFinding:
 def _not_listened_finding(answer: Transcript, expectation: RcExpectation) -> LinkFinding:
     text = f": {answer.words}" if answer.words else ""
     if answer.trouble is Trouble.NO_PLACE:
-        message = f"{expectation.name} was not checked: {expectation.place} was not reachable{text}"
+        message = msg(f"{arg(expectation.name)} was not checked: {arg(expectation.place)} was not reachable{arg(text)}")
         return LinkFinding(
-            _INCONCLUSIVE, "place-not-reached", message, f"make {expectation.place} reachable, then repeat this item"
+            _INCONCLUSIVE,
+            "place-not-reached",
+            message,
+            msg(f"make {arg(expectation.place)} reachable, then repeat this item"),
         )
     if answer.trouble is Trouble.BUSY:
-        message = f"{expectation.end} is in use by another program, which receives the stream{text}"
+        message = msg(f"{arg(expectation.end)} is in use by another program, which receives the stream{arg(text)}")
         hint = "close the ground station there, or forward the stream to a second port and put that in the inventory"
         return LinkFinding(_INCONCLUSIVE, "in-use", message, hint)
     if answer.trouble is Trouble.DENIED:
-        message = f"no permission to open {expectation.end}{text}"
+        message = msg(f"no permission to open {arg(expectation.end)}{arg(text)}")
         return LinkFinding(
             _INCONCLUSIVE,
             "not-allowed",
             message,
             "use a port above 1023 in the inventory, and check the firewall there",
         )
-    message = f"could not listen at {expectation.end}{text}"
-    return LinkFinding(_INCONCLUSIVE, "not-heard", message, f"check {expectation.place}, then repeat this item")
+    message = msg(f"could not listen at {arg(expectation.end)}{arg(text)}")
+    return LinkFinding(
+        _INCONCLUSIVE, "not-heard", message, msg(f"check {arg(expectation.place)}, then repeat this item")
+    )
 
 
 def _absence_finding(stream: Stream, system: System, expectation: RcExpectation) -> LinkFinding:
     if system.senders:
-        result = ", ".join(system.senders)
-        message = (
-            f"system {expectation.system_id} comes from {result}, but {expectation.name} has {expectation.address}"
+        result = join(", ", system.senders)
+        message = msg(
+            f"system {arg(expectation.system_id)} comes from {arg(result)}, but {arg(expectation.name)} has "
+            f"{arg(expectation.address)}"
         )
         hint = (
             "another vehicle may have this system id; if another computer forwards the stream, set "
@@ -302,9 +324,9 @@ def _absence_finding(stream: Stream, system: System, expectation: RcExpectation)
         )
         return LinkFinding(_INCONCLUSIVE, "other-sender", message, hint)
     if system.components:
-        ids = ", ".join(map(str, system.components))
-        message = (
-            f"from system {expectation.system_id}, component {ids} is received, but not its autopilot, which "
+        ids = join(", ", map(str, system.components))
+        message = msg(
+            f"from system {arg(expectation.system_id)}, component {arg(ids)} is received, but not its autopilot, which "
             "is component 1"
         )
         hint = (
@@ -313,13 +335,17 @@ def _absence_finding(stream: Stream, system: System, expectation: RcExpectation)
         )
         return LinkFinding(_INCONCLUSIVE, "other-component", message, hint)
     if stream.autopilots:
-        ids = ", ".join(map(str, stream.autopilots))
-        message = f"{expectation.name} should be system {expectation.system_id}, but system {ids} is received"
+        ids = join(", ", map(str, stream.autopilots))
+        message = msg(
+            f"{arg(expectation.name)} should be system {arg(expectation.system_id)}, but system {arg(ids)} is received"
+        )
         hint = (
             "this is another vehicle, or `system_id:` differs from the autopilot's setting (SYSID_THISMAV, MAV_SYS_ID)"
         )
         return LinkFinding(_FAIL, "other-system", message, hint)
-    message = f"MAVLink arrives at {expectation.end}, but no autopilot heartbeat within {stream.ended_s:.0f} s"
+    message = msg(
+        f"MAVLink arrives at {arg(expectation.end)}, but no autopilot heartbeat within {arg(stream.ended_s):.0f} s"
+    )
     return LinkFinding(
         _FAIL, "no-heartbeat", message, "check whether the companion computer still receives data from its autopilot"
     )
@@ -352,28 +378,35 @@ def judge_moved(stream: Stream, expectation: RcExpectation) -> LinkFinding:
     if not channels:
         return no_channels(stream, expectation)
     if len(channels) < MIN_CHANNEL_SETS:
-        message = f"the channels of {expectation.name} came only {len(channels)} times while the sticks moved"
+        message = msg(
+            f"the channels of {arg(expectation.name)} came only {arg(len(channels))} times while the sticks moved"
+        )
         return LinkFinding(
             Verdict.INCONCLUSIVE, "few-channels", message, "ask its operators to send RC_CHANNELS four times a second"
         )
     moved_ranges = ranges(channels)
     if not moved_ranges:
-        message = f"none of {expectation.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
+        message = msg(
+            f"none of {arg(expectation.name)}'s {arg(channels[-1].count)} channels moved while the pilot moved the "
+            "sticks"
+        )
         hint = "check that the transmitter is on, and bound to this vehicle only; then repeat"
         return LinkFinding(Verdict.FAIL, "no-movement", message, hint)
-    channel_list = ", ".join(map(str, moved_ranges))
+    channel_list = join(", ", map(str, moved_ranges))
     axes = [number for number in moved_ranges if number <= AXES]
     if len(axes) < AXES:
-        message = f"channels that moved: {channel_list}; two sticks have {AXES} axes"
+        message = msg(f"channels that moved: {arg(channel_list)}; two sticks have {arg(AXES)} axes")
         return LinkFinding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their full range")
     if _as_one(channels, axes):
-        message = (
-            f"channels {', '.join(map(str, axes))} of {expectation.name} move identically, which two sticks in "
-            "circles do not cause"
+        message = msg(
+            f"channels {arg(join(', ', map(str, axes)))} of {arg(expectation.name)} move identically, which two sticks "
+            "in circles do not cause"
         )
         hint = "check for a joystick or a program in place of the remote control; repeat, each stick in circles"
         return LinkFinding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
-    return LinkFinding(Verdict.PASS, "moved", f"the channels of {expectation.name} follow the sticks: {channel_list}")
+    return LinkFinding(
+        Verdict.PASS, "moved", msg(f"the channels of {arg(expectation.name)} follow the sticks: {arg(channel_list)}")
+    )
 
 
 def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
@@ -404,4 +437,4 @@ class RcExpectation:
     @property
     def end(self) -> str:
         """Endpoint at which the stream arrives."""
-        return f"UDP port {self.port} of {self.place}"
+        return msg(f"UDP port {arg(self.port)} of {arg(self.place)}")

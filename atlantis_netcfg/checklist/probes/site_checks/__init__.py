@@ -25,6 +25,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import by_hand, own_site
 from atlantis_netcfg.checklist.probes.site_checks.poe import poe_check
 from atlantis_netcfg.checklist.probes.site_checks.uplinks import default_route_check, satellite_filter_check
 from atlantis_netcfg.checklist.probes.site_checks.vpn import vpn_check
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.base import Cell, Step
@@ -60,7 +61,9 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     site = own_site(cell)
     if site.router is None:
         do = "Check it yourself: the site has no router in the inventory that could be queried."
-        return tuple(by_hand(name, name.replace("-", " "), do, _HOLDS.format(name), (site.name,)) for name in NAMES)
+        return tuple(
+            by_hand(name, name.replace("-", " "), do, msg(_HOLDS.format(arg(name))), (site.name,)) for name in NAMES
+        )
     return (*(make(site) for make in _CHECKS.values()), *access_point_check(site), *link_qualified_checks(site))
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.checklist.probes.wifi import read_opened, read_stations
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def access_point_check(site: parse.OwnSite) -> tuple[base.Step, ...]:
     if gateway is None or not isinstance(gateway.device, model.Gateway) or gateway.device.access_point is None:
         return ()
     radio = gateway.device.access_point
-    title = f"The gateway's network {radio.ssid} is open only to vehicles of the inventory"
+    title = msg(f"The gateway's network {arg(radio.ssid)} is open only to vehicles of the inventory")
     return (parse.step("access-point", title, _OpenNetwork(site, gateway.name, radio), (gateway.name,)),)
 
 
@@ -49,7 +50,7 @@ class _OpenNetwork:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         info, dump = results["info"], results["stations"]
         if isinstance(info, base.CommandResult) and info.trouble is None and _NO_DEVICE in info.err:
-            message = f"{self.gateway} has no radio {self.radio.interface}"
+            message = msg(f"{arg(self.gateway)} has no radio {arg(self.radio.interface)}")
             return base.ProbeResult(
                 (parse.fail("radio-missing", message, "connect it, or correct `access_point.interface`"),)
             )
@@ -63,28 +64,39 @@ class _OpenNetwork:
             findings.append(station_dump)
         stations = [*read_stations(station_dump)] if isinstance(station_dump, str) else []
         count = "nobody" if not stations else f"{len(stations)}"
-        return base.ProbeResult(tuple(findings), (parse.read(f"joined {self.radio.ssid}", count),))
+        return base.ProbeResult(tuple(findings), (parse.read(msg(f"joined {arg(self.radio.ssid)}"), count),))
 
     def _network(self, text: str) -> Iterator[LinkFinding]:
         """Yield findings on the radio: hostapd makes it an access point; during radar detection it has no name yet."""
-        network, name = read_opened(text), f"{self.radio.interface} of {self.gateway}"
-        hint = f"check there: systemctl status atlantis-access-point@{self.radio.interface}"
+        network, name = read_opened(text), msg(f"{arg(self.radio.interface)} of {arg(self.gateway)}")
+        hint = msg(f"check there: systemctl status atlantis-access-point@{arg(self.radio.interface)}")
         if network.type is None:
             yield parse.unreadable(self.gateway, self.radio.interface)
         elif network.type != "AP":
-            yield parse.fail("network-closed", f"{name} is not an access point: it is of type {network.type}", hint)
+            yield parse.fail(
+                "network-closed", msg(f"{arg(name)} is not an access point: it is of type {arg(network.type)}"), hint
+            )
         elif network.ssid is None:
-            message = f"{name} is an access point that does not broadcast its name yet: it may be listening for radar"
-            yield parse.unknown("network-not-yet-open", message, f"wait a minute, or ten at 5600 to 5650 MHz; {hint}")
+            message = msg(
+                f"{arg(name)} is an access point that does not broadcast its name yet: it may be listening for radar"
+            )
+            yield parse.unknown(
+                "network-not-yet-open", message, msg(f"wait a minute, or ten at 5600 to 5650 MHz; {arg(hint)}")
+            )
         elif network.ssid != self.radio.ssid:
-            message = f"{name} has the SSID `{network.ssid}`; the inventory says `{self.radio.ssid}`"
+            message = msg(
+                f"{arg(name)} has the SSID `{arg(network.ssid)}`; the inventory says `{arg(self.radio.ssid)}`"
+            )
             yield parse.fail(
                 "other-network", message, "apply the site's configuration, which restores the inventory's settings"
             )
         else:
-            yield parse.good("network-open", f"{name} has the SSID `{network.ssid}`")
+            yield parse.good("network-open", msg(f"{arg(name)} has the SSID `{arg(network.ssid)}`"))
             if network.frequency_mhz not in {None, self.radio.frequency_mhz}:
-                message = f"{name} is on {network.frequency_mhz} MHz; the inventory says {self.radio.frequency_mhz} MHz"
+                message = msg(
+                    f"{arg(name)} is on {arg(network.frequency_mhz)} MHz; the inventory says "
+                    f"{arg(self.radio.frequency_mhz)} MHz"
+                )
                 yield parse.warn(
                     "other-channel", message, "radar may have forced a channel change: choose another channel"
                 )
@@ -96,15 +108,15 @@ class _OpenNetwork:
             [mac for mac in read_stations(dump) if mac not in self._station_names],
         )
         if strangers:
-            message = (
-                f"{parse.join_words(strangers)} joined `{self.radio.ssid}`, but no vehicle of the inventory "
+            message = msg(
+                f"{arg(parse.join_words(strangers))} joined `{arg(self.radio.ssid)}`, but no vehicle of the inventory "
                 "has this radio"
             )
             hint = "find its owner: set a new radio in `endpoints.wifi.mac`; otherwise change the `key` of the network"
             yield parse.warn("unknown-station", message, hint)
         names = [station_names[mac] for mac in read_stations(dump) if mac in station_names]
         if names:
-            yield parse.good("stations", f"{parse.join_words(names)} joined it")
+            yield parse.good("stations", msg(f"{arg(parse.join_words(names))} joined it"))
 
     @property
     def _station_names(self) -> Mapping[str, str]:

@@ -17,6 +17,7 @@ from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.computers.parts import computer_network
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
@@ -55,14 +56,18 @@ class _Static:
             [current] if isinstance(current, LinkFinding) else list(self._judge_router(self.site.router.name, current))
         )
         evidence = [
-            parse.declared_evidence(f"address of {name}", address) for name, address in self._declared_addresses()
+            parse.declared_evidence(msg(f"address of {arg(name)}"), address)
+            for name, address in self._declared_addresses()
         ]
         gateway = self.site.gateway
         if gateway is not None:
             local = parse.addresses(results["gateway"], gateway.name)
             findings += [local] if isinstance(local, LinkFinding) else self._judge_gateway(gateway, local, results)
             if not isinstance(local, LinkFinding):
-                evidence += [parse.read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
+                evidence += [
+                    parse.read(msg(f"{arg(item.interface)} of {arg(gateway.name)}"), str(item.address))
+                    for item in local
+                ]
         return base.ProbeResult(tuple(findings), tuple(evidence))
 
     def _declared_addresses(self) -> Iterator[tuple[str, str]]:
@@ -80,7 +85,8 @@ class _Static:
         if not wrong:
             count = len(tuple(self._declared_addresses()))
             yield parse.good(
-                "router-as-declared", f"{name} has its {count} addresses of the inventory, none of them leased"
+                "router-as-declared",
+                msg(f"{arg(name)} has its {arg(count)} addresses of the inventory, none of them leased"),
             )
 
     def _judge_gateway(
@@ -95,7 +101,7 @@ class _Static:
         if wrong is not None:
             return [wrong]
         problem = self._in_files(gateway, interface, results)
-        fine = parse.good("gateway-as-declared", f"{gateway.name} has {interface}, also after a restart")
+        fine = parse.good("gateway-as-declared", msg(f"{arg(gateway.name)} has {arg(interface)}, also after a restart"))
         return [problem or fine]
 
     def _in_files(
@@ -126,9 +132,12 @@ class _Static:
             )
         if gateway.is_leased or any(_says(text, interface) for text in files.values()):
             return None
-        message = f"{gateway.name} has {interface}, but no file of this toolkit sets it: it may not survive a restart"
-        hint = (
-            f"set `network:` of {gateway.name} and apply the site's configuration, or restart it once and repeat "
+        message = msg(
+            f"{arg(gateway.name)} has {arg(interface)}, but no file of this toolkit sets it: it may not survive a "
+            "restart"
+        )
+        hint = msg(
+            f"set `network:` of {arg(gateway.name)} and apply the site's configuration, or restart it once and repeat "
             "the check"
         )
         return parse.unknown("no-file", message, hint)
@@ -155,14 +164,20 @@ def _says(text: str, interface: IPv4Interface) -> bool:
 def _check_network_file(
     name: str, path: str, text: str | None, content: str, interface: IPv4Interface
 ) -> LinkFinding | None:
-    hint = f"apply the site with `device={name}`: it writes {path} again, with a timer that undoes a mistake"
+    hint = msg(
+        f"apply the site with `device={arg(name)}`: it writes {arg(path)} again, with a timer that undoes a mistake"
+    )
     if text is None:
         return parse.fail(
-            "no-file", f"{name} has {interface}, but {path} is missing: the address is lost after a restart", hint
+            "no-file",
+            msg(f"{arg(name)} has {arg(interface)}, but {arg(path)} is missing: the address is lost after a restart"),
+            hint,
         )
     if text.strip() != content.strip():
         return parse.fail(
-            "file-differs", f"{path} of {name} differs from the inventory: a restart changes its address", hint
+            "file-differs",
+            msg(f"{arg(path)} of {arg(name)} differs from the inventory: a restart changes its address"),
+            hint,
         )
     return None
 
@@ -172,23 +187,33 @@ def _check_running_address(
 ) -> LinkFinding | None:
     if there is None:
         return parse.fail(
-            "address-missing", f"{gateway.name} does not have its address {interface} of the inventory", _RUN
+            "address-missing",
+            msg(f"{arg(gateway.name)} does not have its address {arg(interface)} of the inventory"),
+            _RUN,
         )
     if there.interface == _LOOPBACK:
-        message = f"{gateway.name} has its address {interface} on {there.interface}, where it is unreachable"
+        message = msg(
+            f"{arg(gateway.name)} has its address {arg(interface)} on {arg(there.interface)}, where it is unreachable"
+        )
         return parse.fail("wrong-interface", message, _RUN)
     if there.address != interface:
-        message = f"{gateway.name} has {there.address}; the mask in the inventory is /{interface.network.prefixlen}"
+        message = msg(
+            f"{arg(gateway.name)} has {arg(there.address)}; the mask in the inventory is "
+            f"/{arg(interface.network.prefixlen)}"
+        )
         return parse.fail("wrong-mask", message, _RUN)
     if there.is_leased and not gateway.is_leased:
-        message = (
-            f"{gateway.name} has {interface} by lease, but the inventory says static: it is lost when the lease ends"
+        message = msg(
+            f"{arg(gateway.name)} has {arg(interface)} by lease, but the inventory says static: it is lost when the "
+            "lease ends"
         )
         return parse.fail("address-leased", message, _RUN)
     if gateway.is_leased and not there.is_leased:
-        message = f"{gateway.name} has {interface} set manually, but the inventory says DHCP"
+        message = msg(f"{arg(gateway.name)} has {arg(interface)} set manually, but the inventory says DHCP")
         return parse.warn(
-            "address-by-hand", message, f"set {gateway.name} to DHCP, or set `address_by: static` in the inventory"
+            "address-by-hand",
+            message,
+            msg(f"set {arg(gateway.name)} to DHCP, or set `address_by: static` in the inventory"),
         )
     return None
 
@@ -201,18 +226,27 @@ def _find_wrong_addresses(
         there = next((item for item in current if item.address.ip == address.ip), None)
         if there is None:
             yield parse.fail(
-                "address-missing", f"{name} does not have its address {text} of the inventory on {interface}", _RUN
+                "address-missing",
+                msg(f"{arg(name)} does not have its address {arg(text)} of the inventory on {arg(interface)}"),
+                _RUN,
             )
         elif there.address != address:
-            message = f"{name} has {there.address} on {there.interface}; the mask in the inventory is"
+            message = msg(
+                f"{arg(name)} has {arg(there.address)} on {arg(there.interface)}; the mask in the inventory is"
+            )
             yield parse.fail("wrong-mask", f"{message} /{address.network.prefixlen}", _RUN)
         elif there.interface != interface:
-            message = f"{name} has its address {text} on {there.interface} instead of {interface}"
+            message = msg(
+                f"{arg(name)} has its address {arg(text)} on {arg(there.interface)} instead of {arg(interface)}"
+            )
             yield parse.fail("wrong-interface", message, _RUN)
         elif there.flags:
             yield parse.fail(
                 "address-flagged",
-                f"{text} of {name} is {parse.join_words(there.flags)}; no address in the inventory is",
+                msg(
+                    f"{arg(text)} of {arg(name)} is {arg(parse.join_words(there.flags))}; no address in the inventory "
+                    "is"
+                ),
                 _RUN,
             )
 
@@ -247,12 +281,13 @@ class _OneSubnet:
         silence = tuple(entries for entries in values.values() if isinstance(entries, LinkFinding))
         wrong = tuple(finding for name, entries in current.items() for finding in _find_shared_subnets(name, entries))
         evidence = tuple(
-            parse.read(f"{item.interface} of {name}", _describe_address(item))
+            parse.read(msg(f"{arg(item.interface)} of {arg(name)}"), _describe_address(item))
             for name, entries in current.items()
             for item in entries
         )
         fine = parse.good(
-            "each-subnet-once", f"no interface of {parse.join_words(names.values())} has two addresses of one subnet"
+            "each-subnet-once",
+            msg(f"no interface of {arg(parse.join_words(names.values()))} has two addresses of one subnet"),
         )
         return base.ProbeResult((*wrong, *silence) or (fine,), evidence)
 
@@ -260,15 +295,15 @@ class _OneSubnet:
 def _find_shared_subnets(name: str, entries: tuple[parse.InterfaceAddress, ...]) -> Iterator[LinkFinding]:
     for item, other in combinations([current for current in entries if not current.dead], 2):
         if item.interface == other.interface and item.address.network.overlaps(other.address.network):
-            message = (
-                f"{item.interface} of {name} has {_describe_address(item)} and {_describe_address(other)}, "
-                "which are in one subnet"
+            message = msg(
+                f"{arg(item.interface)} of {arg(name)} has {arg(_describe_address(item))} and "
+                f"{arg(_describe_address(other))}, which are in one subnet"
             )
             yield parse.fail("subnet-twice", message, _SUBNET_HINT)
 
 
 def _describe_address(item: parse.InterfaceAddress) -> str:
-    return f"{item.address} ({'leased' if item.is_leased else 'static'})"
+    return msg(f"{arg(item.address)} ({'leased' if item.is_leased else 'static'})")
 
 
 _DUPLICATE_HINT = "switch one of them off, or give it another address or its own reservation"
@@ -310,7 +345,7 @@ class _Duplicates:
             *self._busy(() if isinstance(leases, LinkFinding) else leases),
         ]
         evidence = tuple(
-            parse.read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac)
+            parse.read(msg(f"{arg(neighbour.address)}, seen by {arg(neighbour.seen_by)}"), neighbour.mac)
             for neighbour in lan_neighbours
         )
         return base.ProbeResult(
@@ -325,11 +360,13 @@ class _Duplicates:
         for neighbour in sorted(lan_neighbours, key=lambda entry: not entry.fresh):
             cards.setdefault(neighbour.address, {}).setdefault(neighbour.mac, neighbour)
         for address, macs in cards.items():
-            text = parse.join_words(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
+            text = parse.join_words(msg(f"{arg(mac)} (seen by {arg(item.seen_by)})") for mac, item in macs.items())
             if len(macs) > 1 and all(neighbour.fresh for neighbour in macs.values()):
-                yield parse.fail("address-twice", f"two cards respond at {address}: {text}", _DUPLICATE_HINT)
+                yield parse.fail(
+                    "address-twice", msg(f"two cards respond at {arg(address)}: {arg(text)}"), _DUPLICATE_HINT
+                )
             elif len(macs) > 1:
-                message = f"another card responded at {address} some time ago: {text}"
+                message = msg(f"another card responded at {arg(address)} some time ago: {arg(text)}")
                 yield parse.warn(
                     "address-changed",
                     message,
@@ -345,23 +382,33 @@ class _Duplicates:
         for neighbour in {(neighbour.address, neighbour.mac): neighbour for neighbour in current}.values():
             reserved_host, owner = by_address.get(neighbour.address), by_card.get(neighbour.mac)
             if reserved_host is not None and reserved_host.mac.lower() != neighbour.mac:
-                there = f"{neighbour.mac}{f', the card of {owner.name},' if owner else ''}"
-                message = f"{neighbour.address} is reserved for {reserved_host.name}, but {there} responds there"
-                hint = (
-                    f"correct `mac:` of {reserved_host.name} if its card is new; otherwise find the device that "
+                there = msg(f"{arg(neighbour.mac)}{f', the card of {arg(owner.name)},' if owner else ''}")
+                message = msg(
+                    f"{arg(neighbour.address)} is reserved for {arg(reserved_host.name)}, but {arg(there)} responds "
+                    "there"
+                )
+                hint = msg(
+                    f"correct `mac:` of {arg(reserved_host.name)} if its card is new; otherwise find the device that "
                     "took its address"
                 )
                 yield parse.fail("wrong-card", message, hint)
             elif reserved_host is None and owner is not None:
-                message = f"{owner.name} has the address {neighbour.address} instead of its reserved {owner.address}"
-                hint = f"set {owner.name} to DHCP and renew its lease: others expect it at {owner.address}"
+                message = msg(
+                    f"{arg(owner.name)} has the address {arg(neighbour.address)} instead of its reserved "
+                    f"{arg(owner.address)}"
+                )
+                hint = msg(
+                    f"set {arg(owner.name)} to DHCP and renew its lease: others expect it at {arg(owner.address)}"
+                )
                 yield parse.fail("wrong-address", message, hint)
 
     def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
         """Yield findings for `busy` leases: another host responded at an address to be leased (Manual, DHCP)."""
         for row in leases:
             if row.get("status") == "busy":
-                message = f"the router does not assign {row.get('address', '?')}: another device responds there"
+                message = msg(
+                    f"the router does not assign {arg(row.get('address', '?'))}: another device responds there"
+                )
                 yield parse.warn("lease-busy", message, "find the device with that manual address, and set it to DHCP")
 
     def _good_finding(self, lan_neighbours: Sequence[parse.Neighbour]) -> LinkFinding:
@@ -371,8 +418,8 @@ class _Duplicates:
             return parse.unknown(
                 "nobody-seen", "neither the router nor the gateway computer sees any device in the LAN", hint
             )
-        are = "1 address of the LAN is" if count == 1 else f"{count} addresses of the LAN are each"
-        return parse.good("each-once", f"{are} used by one card, as reserved")
+        are = msg("1 address of the LAN is" if count == 1 else f"{arg(count)} addresses of the LAN are each")
+        return parse.good("each-once", msg(f"{arg(are)} used by one card, as reserved"))
 
 
 _DHCP_HINT = "unplug it, or switch its DHCP server off: the site cannot reach a robot that takes its lease"
@@ -385,10 +432,12 @@ def rogue_dhcp_check(site: parse.OwnSite) -> base.Step:
         return parse.by_hand(
             "rogue-dhcp",
             title,
-            f"Check the LAN of {site.name} for DHCP offers from a computer in it, for example with `sudo nmap "
-            "--script broadcast-dhcp-discover`. The site has no gateway computer and no control centre that could "
-            "do it.",
-            f"Only the router offers addresses: {site.site_config.lan.gateway}.",
+            msg(
+                f"Check the LAN of {arg(site.name)} for DHCP offers from a computer in it, for example with `sudo nmap "
+                "--script broadcast-dhcp-discover`. The site has no gateway computer and no control centre that could "
+                "do it."
+            ),
+            msg(f"Only the router offers addresses: {arg(site.site_config.lan.gateway)}."),
             site.hosts,
         )
     return parse.step("rogue-dhcp", title, _RogueDhcp(site), site.hosts)
@@ -416,7 +465,9 @@ class _RogueDhcp:
         if isinstance(dhcp_offers, LinkFinding):
             return base.ProbeResult((*alerts, dhcp_offers))
         each = {(offer.server, offer.mac): offer for offer in dhcp_offers}.values()
-        evidence = tuple(parse.measured_evidence(f"DHCP offer of {item.server}", _offer_text(item)) for item in each)
+        evidence = tuple(
+            parse.measured_evidence(msg(f"DHCP offer of {arg(item.server)}"), _offer_text(item)) for item in each
+        )
         findings = tuple(
             finding
             for finding in self._judge_offers(dhcp_offers, self._card(results))
@@ -434,7 +485,9 @@ class _RogueDhcp:
             if server and not parse.yes(row, "disabled"):
                 place = row.get("interface", "its LAN")
                 yield parse.fail(
-                    "dhcp-alert", f"the router has seen another DHCP server on {place}: {server}", _DHCP_HINT
+                    "dhcp-alert",
+                    msg(f"the router has seen another DHCP server on {arg(place)}: {arg(server)}"),
+                    _DHCP_HINT,
                 )
 
     def _card(self, results: Mapping[str, base.Answer]) -> str | None:
@@ -456,16 +509,18 @@ class _RogueDhcp:
             sender = _sender(self.site, stranger.server, stranger.mac)
             yield parse.fail(
                 "rogue-dhcp",
-                f"{sender} also assigns addresses on the LAN: {_offer_text(stranger)}",
+                msg(f"{arg(sender)} also assigns addresses on the LAN: {arg(_offer_text(stranger))}"),
                 _DHCP_HINT,
             )
         if len(cards) > 1:
-            message = f"two cards assign addresses as the router {local}: {cards[0]} and {cards[1]}"
+            message = msg(f"two cards assign addresses as the router {arg(local)}: {arg(cards[0])} and {arg(cards[1])}")
             yield parse.fail(
                 "router-twice", message, "one of them is not the router: find it by its card address, and unplug it"
             )
         elif strange:
-            message = f"{strange[0]} assigns addresses as the router {local}, whose card is {router_card}"
+            message = msg(
+                f"{arg(strange[0])} assigns addresses as the router {arg(local)}, whose card is {arg(router_card)}"
+            )
             yield parse.fail("not-the-router", message, "find it by its card address, and unplug it")
         if not dhcp_offers:
             hint = (
@@ -473,13 +528,15 @@ class _RogueDhcp:
                 "shows no flag"
             )
             yield parse.unknown(
-                "nobody-offers", f"no response to a DHCP request, not even from the router {local}", hint
+                "nobody-offers", msg(f"no response to a DHCP request, not even from the router {arg(local)}"), hint
             )
         elif not strangers and not strange and len(cards) < 2:  # noqa: PLR2004 - two are one too many
             request_count = 2 + len(self.site.site_config.lan.reservations)
             yield parse.good(
                 "only-the-router",
-                f"only the router {local} offers an address, to each of {request_count} requesting cards",
+                msg(
+                    f"only the router {arg(local)} offers an address, to each of {arg(request_count)} requesting cards"
+                ),
             )
 
 
@@ -487,12 +544,12 @@ def _sender(site: parse.OwnSite, address: str, mac: str | None) -> str:
     """Describe a sender: its address, MAC address, and owner by the DHCP reservations."""
     cards = {card.mac.lower(): card.name for card in site.site_config.lan.reservations}
     whose = cards.get((mac or "").lower())
-    return f"{address} ({mac or 'card unknown'}{f', the card of {whose}' if whose else ''})"
+    return msg(f"{arg(address)} ({arg(mac or 'card unknown')}{f', the card of {arg(whose)}' if whose else ''})")
 
 
 def _offer_text(offer: base.DhcpOffer) -> str:
-    gateway = f" with gateway {offer.router}" if offer.router else ""
-    return f"it offered {offer.address}{gateway}"
+    gateway = msg(f" with gateway {arg(offer.router)}" if offer.router else "")
+    return msg(f"it offered {arg(offer.address)}{arg(gateway)}")
 
 
 _SOLICIT_S = 8.0
@@ -505,8 +562,10 @@ def rogue_router_check(site: parse.OwnSite) -> base.Step:
         return parse.by_hand(
             "rogue-router",
             title,
-            f"Check the LAN of {site.name} for IPv6 routers from a computer in it, for example with `rdisc6` of the "
-            "package ndisc6. The site has no gateway computer and no control centre that could do it.",
+            msg(
+                f"Check the LAN of {arg(site.name)} for IPv6 routers from a computer in it, for example with `rdisc6` "
+                "of the package ndisc6. The site has no gateway computer and no control centre that could do it."
+            ),
             "No router responds.",
             site.hosts,
         )
@@ -529,17 +588,19 @@ class _RogueRouter:
         if isinstance(advertisements, LinkFinding):
             return base.ProbeResult((advertisements,))
         evidence = tuple(
-            parse.measured_evidence(f"router advertisement of {item.address}", _advertisement_text(item))
+            parse.measured_evidence(msg(f"router advertisement of {arg(item.address)}"), _advertisement_text(item))
             for item in advertisements
         )
-        words = f"no IPv6 router responded to 2 router solicitations on the LAN within {_SOLICIT_S:g} s"
+        words = msg(f"no IPv6 router responded to 2 router solicitations on the LAN within {arg(_SOLICIT_S):g} s")
         return base.ProbeResult(
             tuple(self._finding(item) for item in advertisements) or (parse.good("no-other-router", words),), evidence
         )
 
     def _finding(self, router: base.RouterAdvertisement) -> LinkFinding:
         sender = _sender(self.site, router.address, router.mac)
-        message = f"{sender} announces itself as an IPv6 router on the LAN: {_advertisement_text(router)}"
+        message = msg(
+            f"{arg(sender)} announces itself as an IPv6 router on the LAN: {arg(_advertisement_text(router))}"
+        )
         hint = (
             "unplug it, or disable its router advertisements: gateways ignore them, other computers and robots "
             "on the LAN do not"
@@ -548,6 +609,6 @@ class _RogueRouter:
 
 
 def _advertisement_text(router: base.RouterAdvertisement) -> str:
-    route = f"a default route for {router.lifetime_s} s" if router.lifetime_s else "no default route"
-    prefixes = f", and addresses of {', '.join(router.prefixes)}" if router.prefixes else ""
-    return f"it offers {route}{prefixes}"
+    route = msg(f"a default route for {arg(router.lifetime_s)} s" if router.lifetime_s else "no default route")
+    prefixes = msg(f", and addresses of {arg(join(', ', router.prefixes))}" if router.prefixes else "")
+    return msg(f"it offers {arg(route)}{arg(prefixes)}")

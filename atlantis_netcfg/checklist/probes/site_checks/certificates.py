@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.checklist.probes.site_checks.clock import router_time
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.routeros.render import prerequisites
 
@@ -54,7 +55,7 @@ class _SiteCertificate:
 
     @property
     def title(self) -> str:
-        return f"certificate `{self.name}` of {self.holder}"
+        return msg(f"certificate `{arg(self.name)}` of {arg(self.holder)}")
 
 
 def certificates_check(site: parse.OwnSite) -> base.Step:
@@ -94,7 +95,7 @@ class _Certificates:
         now = _now(results)
         wrong = [finding for item in certificates for finding in _judge_certificate(item, now)]
         evidence = tuple(
-            parse.read(f"{certificate.title}: valid until", f"{certificate.until:%Y-%m-%d}")
+            parse.read(msg(f"{arg(certificate.title)}: valid until"), f"{certificate.until:%Y-%m-%d}")
             for certificate in certificates
             if certificate.until
         )
@@ -114,7 +115,7 @@ class _Certificates:
         there = {row.get("name") for row in result}
         for name, reason in self._reason_by_name.items():
             if name not in there:
-                message = f"{self.site.router.name} has no certificate `{name}`: {reason}"
+                message = msg(f"{arg(self.site.router.name)} has no certificate `{arg(name)}`: {arg(reason)}")
                 yield parse.fail("certificate-missing", message, self._renewal(name))
 
     def _renewal(self, name: str) -> str:
@@ -122,7 +123,7 @@ class _Certificates:
         tunnel = self.site.view.tunnel if self.site.view is not None else None
         of_the_vpn = name not in self._reason_by_name or (tunnel is not None and name == tunnel.certificate)
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        return _ROUTER.format(name=self.site.router.name) if of_the_vpn else _API
+        return msg(_ROUTER.format(name=arg(self.site.router.name))) if of_the_vpn else _API
 
     def _router_certificates(self, result: Sequence[Mapping[str, str]]) -> Iterator[_SiteCertificate]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
@@ -147,7 +148,7 @@ class _Certificates:
         if name in self._reason_by_name and row.get("private-key") in {"false", "no"}:
             return "has no private key there, so it cannot be used"
         if tunnel is not None and name == tunnel.certificate and subject not in {None, host}:
-            return f"belongs to {subject}, not to {host}"
+            return msg(f"belongs to {arg(subject)}, not to {arg(host)}")
         return ""
 
 
@@ -170,13 +171,17 @@ def _of_identity(name: str, site: str, answer: base.Answer) -> list[_SiteCertifi
         return parse.silent(name, answer.trouble, answer.words)
     names, dates = _SUBJECT.findall(answer.out), _DATES.findall(answer.out)
     if not dates or len(names) != len(dates):
-        hint = f"`provision site={site} device={name}` installs it; only root may read it"
-        return parse.unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
-    renew = _COMPUTER.format(name=name, site=site)
+        hint = msg(f"`provision site={arg(site)} device={arg(name)}` installs it; only root may read it")
+        return parse.unknown(
+            "identity-unreadable", msg(f"no certificate can be read from the VPN identity of {arg(name)}"), hint
+        )
+    renew = msg(_COMPUTER.format(name=arg(name), site=arg(site)))
     if name not in [subject.strip() for subject in names]:
         there = parse.join_words(subject.strip() for subject in names)
         return parse.fail(
-            "other-identity", f"the VPN identity of {name} contains {there}, but no certificate of {name}", renew
+            "other-identity",
+            msg(f"the VPN identity of {arg(name)} contains {arg(there)}, but no certificate of {arg(name)}"),
+            renew,
         )
     return [
         _SiteCertificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
@@ -195,29 +200,34 @@ def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator
     if certificate.until is None:
         yield parse.unknown(
             "no-date",
-            f"the expiry date of the {certificate.title} is unknown",
-            f"check {certificate.holder} manually",
+            msg(f"the expiry date of the {arg(certificate.title)} is unknown"),
+            msg(f"check {arg(certificate.holder)} manually"),
         )
     elif not certificate.used:
         if certificate.until < now or certificate.is_expired:
-            text = f"the {certificate.title} expired on {certificate.until:%Y-%m-%d}"
-            message = f"{text}, and nothing in the inventory uses it"
-            yield parse.warn("old-certificate", message, f"remove it from {certificate.holder}")
+            text = msg(f"the {arg(certificate.title)} expired on {arg(certificate.until):%Y-%m-%d}")
+            message = msg(f"{arg(text)}, and nothing in the inventory uses it")
+            yield parse.warn("old-certificate", message, msg(f"remove it from {arg(certificate.holder)}"))
     elif certificate.unfit:
-        yield parse.fail("unfit", f"the {certificate.title} {certificate.unfit}", certificate.renew)
+        yield parse.fail("unfit", msg(f"the {arg(certificate.title)} {arg(certificate.unfit)}"), certificate.renew)
     elif certificate.until < now:
         yield parse.fail(
-            "expired", f"the {certificate.title} expired on {certificate.until:%Y-%m-%d}", certificate.renew
+            "expired",
+            msg(f"the {arg(certificate.title)} expired on {arg(certificate.until):%Y-%m-%d}"),
+            certificate.renew,
         )
     elif certificate.is_expired:
-        message = (
-            f"{certificate.holder} treats its certificate `{certificate.name}` as expired, although it is valid until"
+        message = msg(
+            f"{arg(certificate.holder)} treats its certificate `{arg(certificate.name)}` as expired, although it is "
+            "valid until"
         )
         yield parse.fail(
-            "clock-expired", f"{message} {certificate.until:%Y-%m-%d}", f"set the clock of {certificate.holder} first"
+            "clock-expired",
+            f"{message} {certificate.until:%Y-%m-%d}",
+            msg(f"set the clock of {arg(certificate.holder)} first"),
         )
     elif certificate.since is not None and certificate.since > now + timedelta(minutes=5):
-        message = f"the {certificate.title} is not valid before {certificate.since:%Y-%m-%d %H:%M} UTC"
+        message = msg(f"the {arg(certificate.title)} is not valid before {arg(certificate.since):%Y-%m-%d %H:%M} UTC")
         yield parse.fail(
             "not-yet-valid", message, "check the clocks of this computer and of the device: one of them is wrong"
         )
@@ -225,7 +235,7 @@ def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator
         days = (certificate.until - now).days
         yield parse.warn(
             "expires-soon",
-            f"the {certificate.title} expires in {days} days, on {certificate.until:%Y-%m-%d}",
+            msg(f"the {arg(certificate.title)} expires in {arg(days)} days, on {arg(certificate.until):%Y-%m-%d}"),
             certificate.renew,
         )
 
@@ -234,5 +244,7 @@ def _fine(certificates: Sequence[_SiteCertificate]) -> LinkFinding:
     """Return the passing finding on the certificates in use; missing ones have their own finding."""
     until = [certificate.until for certificate in certificates if certificate.used and certificate.until is not None]
     if len(until) == 1:
-        return parse.good("valid", f"the only certificate is valid until {until[0]:%Y-%m-%d}")
-    return parse.good("valid", f"{len(until)} certificates are valid; the first expires on {min(until):%Y-%m-%d}")
+        return parse.good("valid", msg(f"the only certificate is valid until {arg(until[0]):%Y-%m-%d}"))
+    return parse.good(
+        "valid", msg(f"{arg(len(until))} certificates are valid; the first expires on {arg(min(until)):%Y-%m-%d}")
+    )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
@@ -48,8 +49,8 @@ class Offset:
         """Description, such as `60 min behind`."""
         middle = (self.least_s + self.most_s) / 2
         if self.least_s <= 0 <= self.most_s:
-            return f"the same within {max(self.most_s, -self.least_s):.1f} s"
-        return f"{_span(abs(middle))} {'ahead of' if middle > 0 else 'behind'}"
+            return msg(f"the same within {arg(max(self.most_s, -self.least_s)):.1f} s")
+        return msg(f"{arg(_span(abs(middle)))} {'ahead of' if middle > 0 else 'behind'}")
 
 
 def _span(seconds: float) -> str:
@@ -90,11 +91,11 @@ class _ClockReading:
             *self._set(results, known_offsets),
         ]
         evidence = [
-            parse.measured_evidence(f"clock of {name}, compared with this computer's", item.words)
+            parse.measured_evidence(msg(f"clock of {arg(name)}, compared with this computer's"), item.words)
             for name, item in known_offsets.items()
         ]
-        agree = f"the clocks of {parse.join_words((*known_offsets, 'this computer'))} agree"
-        fine = parse.good("clocks-agree", f"{agree}, and time servers set them")
+        agree = msg(f"the clocks of {arg(parse.join_words((*known_offsets, 'this computer')))} agree")
+        fine = parse.good("clocks-agree", msg(f"{arg(agree)}, and time servers set them"))
         return base.ProbeResult(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
 
     def _set(self, results: Mapping[str, base.Answer], known_offsets: Mapping[str, Offset]) -> Iterator[LinkFinding]:
@@ -128,10 +129,15 @@ class _ClockReading:
             yield _not_synchronised_finding(name, self.site.name)
         elif status != "synchronized":
             text = f"`{status}`" if status else "nothing"
-            message = f"the NTP client of {name} reports {text}: cannot tell whether a time server has set its clock"
-            yield parse.unknown("ntp-unknown", message, f"check `/system/ntp/client/print` of {name}")
+            message = msg(
+                f"the NTP client of {arg(name)} reports {arg(text)}: cannot tell whether a time server has set its "
+                "clock"
+            )
+            yield parse.unknown("ntp-unknown", message, msg(f"check `/system/ntp/client/print` of {arg(name)}"))
         elif server and server not in time_servers:
-            message = f"the clock of {name} was set by {server}, which is not a time server of the inventory"
+            message = msg(
+                f"the clock of {arg(name)} was set by {arg(server)}, which is not a time server of the inventory"
+            )
             hint = (
                 "apply the site's configuration, which sets the inventory's servers; if that server is right, "
                 "add it to `time_servers`"
@@ -145,10 +151,10 @@ class _ClockReading:
             _pairs(results["timedatectl"]) if self.site.gateway is not None else {},
         )
         if "status" in ntp:
-            server = f" with {ntp['synced-server']}" if ntp.get("synced-server") else ""
-            yield parse.read(f"NTP client of {self.site.router.name}", ntp["status"] + server)
+            server = msg(f" with {arg(ntp['synced-server'])}" if ntp.get("synced-server") else "")
+            yield parse.read(msg(f"NTP client of {arg(self.site.router.name)}"), ntp["status"] + server)
         if self.site.gateway is not None and "NTPSynchronized" in values:
-            yield parse.read(f"NTPSynchronized of {self.site.gateway.name}", values["NTPSynchronized"])
+            yield parse.read(msg(f"NTPSynchronized of {arg(self.site.gateway.name)}"), values["NTPSynchronized"])
 
 
 _YES_NO = frozenset({"yes", "no"})
@@ -161,20 +167,24 @@ def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[LinkFinding]
         sample = next(iter(wrong.values()))
         span = _span(abs(sample.least_s + sample.most_s) / 2)
         behind = sample.least_s > 0
-        message = (
-            f"this computer's clock is {span} {'behind' if behind else 'ahead'} those of {parse.join_words(wrong)}"
+        message = msg(
+            f"this computer's clock is {arg(span)} {'behind' if behind else 'ahead'} those of "
+            f"{arg(parse.join_words(wrong))}"
         )
         yield parse.fail("laptop-clock", message, "set this computer's clock from a time server, then repeat the check")
         return
     for name, entry in wrong.items():
-        hint = (
-            f"check that {name} can reach the time servers of the inventory; certificates are rejected while a "
+        hint = msg(
+            f"check that {arg(name)} can reach the time servers of the inventory; certificates are rejected while a "
             "clock is wrong"
         )
-        yield parse.fail("clock-wrong", f"the clock of {name} is {entry.words} this computer's", hint)
+        yield parse.fail("clock-wrong", msg(f"the clock of {arg(name)} is {arg(entry.words)} this computer's"), hint)
     for name, item in known_offsets.items():
         if item.coarse:
-            message = f"{name} responded so slowly that its clock may be off by {max(item.most_s, -item.least_s):.0f} s"
+            message = msg(
+                f"{arg(name)} responded so slowly that its clock may be off by "
+                f"{arg(max(item.most_s, -item.least_s)):.0f} s"
+            )
             yield parse.unknown("compared-too-coarsely", message, "repeat the check when the link to it is stable")
 
 
@@ -184,22 +194,22 @@ def _has_small_spread(offsets: list[Offset]) -> bool:
 
 def _zone(name: str, text: str, zone: str) -> Iterator[LinkFinding]:
     if text and text != zone:
-        message = f"the clock of {name} shows the time of {text}; the inventory says {zone}"
+        message = msg(f"the clock of {arg(name)} shows the time of {arg(text)}; the inventory says {arg(zone)}")
         yield parse.warn("time-zone", message, "apply the site's configuration, which sets the inventory's `time_zone`")
 
 
 def _not_synchronised_finding(name: str, site: str) -> LinkFinding:
-    hint = (
-        f"check that {name} can reach the time servers of the inventory; `provision links site={site}` shows "
+    hint = msg(
+        f"check that {arg(name)} can reach the time servers of the inventory; `provision links site={arg(site)}` shows "
         "whether any link is up"
     )
-    return parse.warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
+    return parse.warn("not-synchronised", msg(f"no time server has set the clock of {arg(name)} yet"), hint)
 
 
 def _no_time_server_finding(name: str) -> LinkFinding:
     return parse.fail(
         "no-time-server",
-        f"nothing sets the clock of {name}",
+        msg(f"nothing sets the clock of {arg(name)}"),
         "apply the site's configuration, which enables its NTP client",
     )
 
@@ -245,7 +255,7 @@ def _of_computer(name: str, answer: base.Answer) -> Offset | LinkFinding:
 
 def _not_compared_finding(name: str) -> LinkFinding:
     return parse.unknown(
-        "not-compared", f"the clock of {name} was not compared with this computer's", "repeat the check"
+        "not-compared", msg(f"the clock of {arg(name)} was not compared with this computer's"), "repeat the check"
     )
 
 

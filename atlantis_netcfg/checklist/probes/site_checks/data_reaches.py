@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.checklist.probes.site_checks.vpn import TUNNEL
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding
 
@@ -57,7 +58,9 @@ def data_reaches_check(site: parse.OwnSite) -> base.Step:
         centre = isinstance(computer.device, model.ControlCentre)
         title = "Data reach every gateway and come back" if centre else "Data reach the control centre and come back"
         return parse.step(NAME, title, _DataReaches(site, far), (computer.name, *(item.name for item in far)))
-    do = f"No program can send data through the VPN from {site.name} to the control centre: send some yourself."
+    do = msg(
+        f"No program can send data through the VPN from {arg(site.name)} to the control centre: send some yourself."
+    )
     return parse.by_hand(
         NAME, "Data reach the control centre and come back", do, "It arrives, and a response comes back.", site.hosts
     )
@@ -81,11 +84,11 @@ class _DataReaches:
         return (*parse.run("addresses", self.site, "ip -j addr show"), *far, *parse.link_requests(self.site))
 
     def _questions(self, far: FarComputer) -> tuple[base.Question, ...]:
-        way = parse.run(f"way {far.name}", self.site, f"ip -j route get {far.address}")
+        way = parse.run(msg(f"way {arg(far.name)}"), self.site, f"ip -j route get {far.address}")
         return (
             *way,
             base.ReflectRequest(
-                f"data {far.name}", base.Place.GATEWAY, self._asking[1], far.address, model.REFLECTOR_PORT
+                msg(f"data {arg(far.name)}"), base.Place.GATEWAY, self._asking[1], far.address, model.REFLECTOR_PORT
             ),
         )
 
@@ -95,9 +98,12 @@ class _DataReaches:
         if isinstance(current, LinkFinding):
             return base.ProbeResult((current,))
         if address not in {str(item.address.ip) for item in current if item.interface == TUNNEL}:
-            hint = f"on {name}: `systemctl status openvpn-client@atlantis`; its log shows what the server sent"
-            message = (
-                f"{name} is not in the VPN: {TUNNEL} does not have {address}, so that nothing can be sent through it"
+            hint = msg(
+                f"on {arg(name)}: `systemctl status openvpn-client@atlantis`; its log shows what the server sent"
+            )
+            message = msg(
+                f"{arg(name)} is not in the VPN: {arg(TUNNEL)} does not have {arg(address)}, so that nothing can be "
+                "sent through it"
             )
             return base.ProbeResult((parse.fail("no-vpn", message, hint),))
         findings = [self._of(item, results) for item in self.far]
@@ -126,20 +132,25 @@ class _DataReaches:
         if link is not None and link.kind.traits.allow_list:
             return parse.unknown(
                 "far-end-silent-satellite",
-                f"{far.name} responded to none of {message_count} messages, over a satellite that may pause for 70 s",
+                msg(
+                    f"{arg(far.name)} responded to none of {arg(message_count)} messages, over a satellite that may "
+                    "pause for 70 s"
+                ),
                 "repeat the check; three rounds without a response are more than a satellite pause",
             )
         if isinstance(getattr(self.site.gateway, "device", None), model.ControlCentre):
             return parse.unknown(
                 "gateway-silent",
-                f"{far.name} responded to none of {message_count} messages: it may be off",
-                f"check that {far.name} is switched on; the checklist of {far.site} tests from its end",
+                msg(f"{arg(far.name)} responded to none of {arg(message_count)} messages: it may be off"),
+                msg(f"check that {arg(far.name)} is switched on; the checklist of {arg(far.site)} tests from its end"),
             )
         return parse.fail(
             "far-end-silent",
-            f"{far.name} responded to none of {message_count} messages {over}; the item `vpn` shows whether its "
-            "server responds",
-            f"check that {far.name} is switched on; the checklist of {far.site} tests from its end",
+            msg(
+                f"{arg(far.name)} responded to none of {arg(message_count)} messages {arg(over)}; the item `vpn` shows "
+                "whether its server responds"
+            ),
+            msg(f"check that {arg(far.name)} is switched on; the checklist of {arg(far.site)} tests from its end"),
         )
 
     def _judge_delays(
@@ -148,34 +159,40 @@ class _DataReaches:
         delays = {_row(item)["token"]: item.delay_s for item in answer.answers}
         worst, limit = max(delays.values()), self.site.site_config.checklist.answer_within_s
         emulation_note = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
-        text = (
-            f"{far.name} responded to {len(delays)} of {len(answer.tokens)} messages {self._over(results)}, the "
-            f"slowest in {worst * 1000:.0f} ms{emulation_note}"
+        text = msg(
+            f"{arg(far.name)} responded to {arg(len(delays))} of {arg(len(answer.tokens))} messages "
+            f"{arg(self._over(results))}, the slowest in {arg(worst * 1000):.0f} ms{arg(emulation_note)}"
         )
         if limit is not None and worst > limit:
-            message = f"{text}, but `answer_within_s` is {limit:g}"
-            return parse.fail("late", message, f"check `provision links site={self.site.name}`")
+            message = msg(f"{arg(text)}, but `answer_within_s` is {arg(limit):g}")
+            return parse.fail("late", message, msg(f"check `provision links site={arg(self.site.name)}`"))
         if len(delays) < len(answer.tokens):
-            return parse.warn("data-lost", text, f"check `provision links site={self.site.name}`")
+            return parse.warn("data-lost", text, msg(f"check `provision links site={arg(self.site.name)}`"))
         return parse.good("data-reaches", text)
 
     def _over(self, results: Mapping[str, base.Answer]) -> str:
         """Describe the route; the router reports which link carries the tunnel."""
         link = parse.active_link(self.site, results)
         over = "an unknown link" if link is None else link.name
-        return f"through the VPN over {over}"
+        return msg(f"through the VPN over {arg(over)}")
 
     def _evidence(self, far: FarComputer, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
         name, address = self._asking
         answer = results[f"data {far.name}"]
         way = parse.parse_json_list(results[f"way {far.name}"], name, "its route")
         if not isinstance(way, LinkFinding) and way:
-            yield parse.read(f"route from {name} to {far.name}", f"{way[0].get('dev', '?')}, {self._over(results)}")
+            yield parse.read(
+                msg(f"route from {arg(name)} to {arg(far.name)}"),
+                msg(f"{arg(way[0].get('dev', '?'))}, {arg(self._over(results))}"),
+            )
         for item in answer.answers if isinstance(answer, base.ReflectResult) else ():
             row = _row(item)
-            there = f"there from {row.get('from', '?')} by {row.get('by', '?')}, back by {item.interface}"
+            there = msg(
+                f"there from {arg(row.get('from', '?'))} by {arg(row.get('by', '?'))}, back by {arg(item.interface)}"
+            )
             yield parse.measured_evidence(
-                f"message from {address} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}"
+                msg(f"message from {arg(address)} to {arg(far.address)} and back"),
+                msg(f"{arg(item.delay_s * 1000):.0f} ms, {arg(there)}"),
             )
 
 
@@ -184,8 +201,8 @@ def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> LinkFinding 
     if getattr(answer, "trouble", None) is None and "unreachable" in getattr(answer, "err", "").lower():
         return parse.fail(
             "no-way",
-            f"{name} has no route to {far.name} at {far.address}",
-            f"on {name}: `systemctl restart openvpn-client@atlantis` restores the tunnel's routes",
+            msg(f"{arg(name)} has no route to {arg(far.name)} at {arg(far.address)}"),
+            msg(f"on {arg(name)}: `systemctl restart openvpn-client@atlantis` restores the tunnel's routes"),
         )
     way = parse.parse_json_list(answer, name, "its route to the other end")
     if isinstance(way, LinkFinding):
@@ -195,8 +212,10 @@ def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> LinkFinding 
         return None
     return parse.fail(
         "way-outside-vpn",
-        f"data for {far.name} would leave {name} by {device} instead of the VPN",
-        f"on {name}: `ip route get {far.address}` shows the route; remove the one that was added manually",
+        msg(f"data for {arg(far.name)} would leave {arg(name)} by {arg(device)} instead of the VPN"),
+        msg(
+            f"on {arg(name)}: `ip route get {arg(far.address)}` shows the route; remove the one that was added manually"
+        ),
     )
 
 
@@ -204,14 +223,17 @@ def _not_sent(name: str, far: FarComputer, answer: base.ReflectResult) -> LinkFi
     if answer.trouble is base.Trouble.REFUSED:
         return parse.fail(
             "nobody-answers-data",
-            f"{far.name} is reachable, but nothing there responds to messages",
-            f"on {far.name}: `systemctl status atlantis-reflector`; applying the configuration of {far.site} starts it",
+            msg(f"{arg(far.name)} is reachable, but nothing there responds to messages"),
+            msg(
+                f"on {arg(far.name)}: `systemctl status atlantis-reflector`; applying the configuration of "
+                f"{arg(far.site)} starts it"
+            ),
         )
     if answer.trouble is base.Trouble.UNREACHABLE:
         return parse.fail(
             "data-not-sent",
-            f"{name} could not send to {far.name}: {answer.words}",
-            f"on {name}: `ip route get {far.address}`; the item `vpn` shows whether the tunnel is up",
+            msg(f"{arg(name)} could not send to {arg(far.name)}: {arg(answer.words)}"),
+            msg(f"on {arg(name)}: `ip route get {arg(far.address)}`; the item `vpn` shows whether the tunnel is up"),
         )
     return parse.silent(name, answer.trouble or base.Trouble.SILENT, answer.words)
 
@@ -231,27 +253,36 @@ def _strange(far: FarComputer, asking: str, item: base.ReflectReply, result: bas
     if row.get("token") not in result.tokens:
         return parse.fail(
             "other-data",
-            f"{item.sender} responds with other data than was sent",
-            f"find out what responds at {far.address}: apply the configuration of the site of {far.name}, then "
-            "repeat the check",
+            msg(f"{arg(item.sender)} responds with other data than was sent"),
+            msg(
+                f"find out what responds at {arg(far.address)}: apply the configuration of the site of "
+                f"{arg(far.name)}, then repeat the check"
+            ),
         )
     if item.sender != far.address or row.get("to") != far.address:
         return parse.fail(
             "answered-elsewhere",
-            f"{item.sender} responds to data sent to {far.address}",
-            f"addresses must not be translated inside the VPN: check the NAT rules between here and {far.name}",
+            msg(f"{arg(item.sender)} responds to data sent to {arg(far.address)}"),
+            msg(
+                f"addresses must not be translated inside the VPN: check the NAT rules between here and {arg(far.name)}"
+            ),
         )
     if row.get("host") != far.name:
         return parse.fail(
             "other-computer",
-            f"{row.get('host')} responds at {far.address}, the address of {far.name}",
+            msg(f"{arg(row.get('host'))} responds at {arg(far.address)}, the address of {arg(far.name)}"),
             "each VPN address belongs to one member: `provision vpn status` shows who has it",
         )
     if item.interface != TUNNEL or row.get("by") != TUNNEL or row.get("from") != asking:
         return parse.fail(
             "answered-outside-vpn",
-            f"a message left the VPN: it reached {far.name} from {row.get('from')} by {row.get('by')}, and its "
-            f"response came back by {item.interface}",
-            f"check the routes of both computers: `ip route get {far.address}` here, `ip route get {asking}` there",
+            msg(
+                f"a message left the VPN: it reached {arg(far.name)} from {arg(row.get('from'))} by "
+                f"{arg(row.get('by'))}, and its response came back by {arg(item.interface)}"
+            ),
+            msg(
+                f"check the routes of both computers: `ip route get {arg(far.address)}` here, `ip route get "
+                f"{arg(asking)}` there"
+            ),
         )
     return None

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.links import LinkFinding
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ class _BoundPorts:
     def ports(self) -> str:
         """Ports that listen for announcements."""
         known_ports = {item.port for item in self.sockets if item.participant is not None or item.offset == _MULTICAST}
-        return ", ".join(map(str, sorted(known_ports)))
+        return join(", ", map(str, sorted(known_ports)))
 
     def _count_at_offset(self, offset: int) -> int:
         return sum(item.offset == offset for item in self.sockets)
@@ -117,12 +118,16 @@ def dds_check(site: parse.OwnSite) -> base.Step:
         do = "The inventory has no DDS, so no program checks it: see which robots use ROS 2 here, and how."
         return parse.by_hand("dds", "DDS of the pilot is seen", do, "DDS is not needed, or it is seen.", site.hosts[1:])
     if site.gateway is not None:
-        return parse.step("dds", f"DDS responds on the {site.gateway.kind}", _SeenParticipant(site), site.hosts[1:])
+        return parse.step(
+            "dds", msg(f"DDS responds on the {arg(site.gateway.kind)}"), _SeenParticipant(site), site.hosts[1:]
+        )
     return parse.by_hand(
         "dds",
         "DDS of another site is seen",
-        f"On a computer at {site.name}, list what DDS domain {dds.domain} carries, for example with `ros2 topic "
-        "list`. The site has no gateway computer and no control centre to query.",
+        msg(
+            f"On a computer at {arg(site.name)}, list what DDS domain {arg(dds.domain)} carries, for example with "
+            "`ros2 topic list`. The site has no gateway computer and no control centre to query."
+        ),
         "The list has topics of a robot or a gateway at another site.",
         site.hosts,
     )
@@ -171,8 +176,10 @@ class _SeenParticipant:
         there = [participant for participant in participants if participant.domain in {None, dds.domain}]
         evidence = (
             parse.declared_evidence("DDS domain", str(dds.domain)),
-            parse.read(f"UDP ports of DDS on {gateway.name}", ", ".join(port_texts) or "none"),
-            parse.measured_evidence(f"DDS participants that respond at {self._address}", _list_addresses(there)),
+            parse.read(msg(f"UDP ports of DDS on {arg(gateway.name)}"), join(", ", port_texts) or "none"),
+            parse.measured_evidence(
+                msg(f"DDS participants that respond at {arg(self._address)}"), _list_addresses(there)
+            ),
         )
         if not there and not ours.participants and not ours.is_dds:
             return base.ProbeResult((_no_participant_finding(gateway.name, dds, near),), evidence)
@@ -185,23 +192,31 @@ class _SeenParticipant:
     def _judge_reachability(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> LinkFinding:
         address, domain = self._address, self._dds.domain
         if not there:
-            message = (
-                f"no DDS participant responds at {address} of {name} in domain {domain}, although its ports are in use"
+            message = msg(
+                f"no DDS participant responds at {arg(address)} of {arg(name)} in domain {arg(domain)}, although its "
+                "ports are in use"
             )
-            hint = f"on {name}: `sudo ss -ulpn` shows what uses UDP port {bound.ports}; restart the data gateway"
+            hint = msg(
+                f"on {arg(name)}: `sudo ss -ulpn` shows what uses UDP port {arg(bound.ports)}; restart the data gateway"
+            )
             return parse.unknown("nobody-answers", message, hint)
         reachable_participants = [participant for participant in there if address in participant.addresses]
         if not reachable_participants:
-            message = f"DDS on {name} announces itself at {_list_addresses(there)}, but others look for it at {address}"
+            message = msg(
+                f"DDS on {arg(name)} announces itself at {arg(_list_addresses(there))}, but others look for it at "
+                f"{arg(address)}"
+            )
             hint = (
                 "source the site's ros.env before starting it: ROS_LOCALHOST_ONLY or another profile restricts "
                 "it to that address"
             )
             return parse.unknown("not-reachable", message, hint)
-        where = f"at {address}, in domain {domain}"
+        where = msg(f"at {arg(address)}, in domain {arg(domain)}")
         if len(reachable_participants) == 1:
-            return parse.good("answers", f"1 DDS participant on {name} responds {where}")
-        return parse.good("answers", f"{len(reachable_participants)} DDS participants on {name} respond {where}")
+            return parse.good("answers", msg(f"1 DDS participant on {arg(name)} responds {arg(where)}"))
+        return parse.good(
+            "answers", msg(f"{arg(len(reachable_participants))} DDS participants on {arg(name)} respond {arg(where)}")
+        )
 
 
 def _list_addresses(there: Sequence[_Participant]) -> str:
@@ -214,9 +229,9 @@ def _read_participants(answer: base.Answer, name: str, address: str) -> tuple[_P
     if not isinstance(answer, base.DdsDiscoverResult):
         return parse.unreadable(name, "its DDS participants")
     if answer.trouble is base.Trouble.UNREACHABLE:
-        message = f"{name} does not have the address {address}, at which others look for its DDS"
+        message = msg(f"{arg(name)} does not have the address {arg(address)}, at which others look for its DDS")
         return parse.unknown(
-            "no-such-address", message, f"bring its network or its tunnel up first: `ip -br addr` on {name}"
+            "no-such-address", message, msg(f"bring its network or its tunnel up first: `ip -br addr` on {arg(name)}")
         )
     if answer.trouble is not None:
         return parse.silent(name, answer.trouble, answer.words)
@@ -292,15 +307,15 @@ def _read_sockets(text: str) -> Iterator[_BoundPorts]:
 
 def _no_participant_finding(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> LinkFinding:
     if near:
-        message = (
-            f"DDS on {name} runs in domain {parse.join_words(str(item.domain) for item in near)}; the "
-            f"inventory says {dds.domain}"
+        message = msg(
+            f"DDS on {arg(name)} runs in domain {arg(parse.join_words(str(item.domain) for item in near))}; the "
+            f"inventory says {arg(dds.domain)}"
         )
         return parse.fail(
             "other-domain", message, "set ROS_DOMAIN_ID as in the inventory: source the site's ros.env before starting"
         )
-    hint = f"start the data gateway or any ROS 2 node on {name}, then repeat the check"
-    message = f"no program uses DDS on {name} in domain {dds.domain}, so nothing is announced"
+    hint = msg(f"start the data gateway or any ROS 2 node on {arg(name)}, then repeat the check")
+    message = msg(f"no program uses DDS on {arg(name)} in domain {arg(dds.domain)}, so nothing is announced")
     return parse.unknown("nobody-announces", message, hint)
 
 
@@ -309,28 +324,32 @@ def _judge_ports(name: str, dds: Dds, bound_ports: _BoundPorts) -> Iterator[Link
     yield from _profile(name, bound_ports)
     late = [item for item in ours if item.participant is not None and item.participant >= dds.participants]
     if late:
-        message = (
-            f"{len(late)} of the {len(ours)} DDS participants on {name} exceed the {dds.participants} of the inventory"
+        message = msg(
+            f"{arg(len(late))} of the {arg(len(ours))} DDS participants on {arg(name)} exceed the "
+            f"{arg(dds.participants)} of the inventory"
         )
         yield parse.warn("too-many-participants", message, "no peer finds these: stop some, or increase `participants`")
     drop_count = sum(our.drops for our in ours)
     if drop_count:
-        message = f"{name} dropped {drop_count} DDS announcements that no program read in time"
-        yield parse.warn("announcements-dropped", message, f"check the load of {name}; robots may be discovered late")
+        message = msg(f"{arg(name)} dropped {arg(drop_count)} DDS announcements that no program read in time")
+        yield parse.warn(
+            "announcements-dropped", message, msg(f"check the load of {arg(name)}; robots may be discovered late")
+        )
 
 
 def _profile(name: str, bound_ports: _BoundPorts) -> Iterator[LinkFinding]:
     hint = "stop what is running, source the site's ros.env for the link in use, and start it again"
     if bound_ports.strangers and not bound_ports.participants:
-        message = (
-            f"DDS on {name} runs in domain {bound_ports.domain} without the site's profile: no other site finds it"
+        message = msg(
+            f"DDS on {arg(name)} runs in domain {arg(bound_ports.domain)} without the site's profile: no other site "
+            "finds it"
         )
         yield parse.fail("without-profile", message, hint)
     elif bound_ports.strangers:
-        message = (
-            f"1 DDS participant on {name} runs without the site's profile: other sites may not find it, or lose it"
+        message = msg(
+            f"1 DDS participant on {arg(name)} runs without the site's profile: other sites may not find it, or lose it"
             if bound_ports.strangers == 1
-            else f"{bound_ports.strangers} DDS participants on {name} run without the site's profile:"
+            else f"{arg(bound_ports.strangers)} DDS participants on {arg(name)} run without the site's profile:"
             " other sites may not find them, or lose them"
         )
         yield parse.warn("without-profile", message, hint)

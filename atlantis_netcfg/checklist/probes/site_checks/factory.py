@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
 
@@ -93,14 +94,14 @@ class _Factory:
         )
         silence = [part for part in (*result, names, *pings.values(), *ping_problems) if isinstance(part, LinkFinding)]
         evidence = (
-            *(parse.measured_evidence(f"{item}, queried by ARP", "answers") for item in answering_addresses),
+            *(parse.measured_evidence(msg(f"{arg(item)}, queried by ARP"), "answers") for item in answering_addresses),
             *(
-                parse.read(f"{address} on {place}", mac)
+                parse.read(msg(f"{arg(address)} on {arg(place)}"), mac)
                 for (address, mac), place in neighbour_places.items()
                 if address in FACTORY
             ),
         )
-        told_of = f"nothing in the LAN responds at {parse.join_words(self._addresses)}"
+        told_of = msg(f"nothing in the LAN responds at {arg(parse.join_words(self._addresses))}")
         return base.ProbeResult(
             tuple(dict.fromkeys((*wrong, *silence))) or (parse.good("nobody-on-factory-settings", told_of),), evidence
         )
@@ -112,8 +113,8 @@ class _Factory:
             there = next(((mac, place) for (item, mac), place in neighbour_places.items() if item == address), None)
             if there is None and address not in answering_addresses:
                 continue
-            who = f"{there[0]} on {there[1]}" if there else "a device in the LAN"
-            message = f"{who} responds at {address}, {FACTORY[address]}"
+            who = msg(f"{arg(there[0])} on {arg(there[1])}" if there else "a device in the LAN")
+            message = msg(f"{arg(who)} responds at {arg(address)}, {arg(FACTORY[address])}")
             yield parse.fail(
                 "factory-address", message, "give that device its address from the inventory, or unplug it"
             )
@@ -132,9 +133,14 @@ def _check_names(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[Li
     for row in names:
         if row.get("identity") == _NAME:
             where = row.get("address") or row.get("mac-address", "?")
-            message = f"the RouterOS device {where} on {row.get('interface', '?')} still has its factory name"
+            message = msg(
+                f"the RouterOS device {arg(where)} on {arg(row.get('interface', '?'))} still has its factory name"
+            )
             yield parse.warn(
                 "factory-name",
                 message,
-                f"`provision device adopt site={site} device=NAME` gives a new device its name, user and certificate",
+                msg(
+                    f"`provision device adopt site={arg(site)} device=NAME` gives a new device its name, user and "
+                    "certificate"
+                ),
             )

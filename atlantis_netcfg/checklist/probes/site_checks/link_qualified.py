@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.qualify.session import EndReason
 
@@ -36,7 +37,7 @@ def link_qualified_checks(site: parse.OwnSite) -> tuple[base.Step, ...]:
     return tuple(
         parse.step(
             f"{NAME}-{link.name}",
-            f"Link {link.name} was measured and meets its criteria",
+            msg(f"Link {arg(link.name)} was measured and meets its criteria"),
             _LinkQualificationCheck(site, link),
             (*site.hosts[:1], *((link.device,) if link.device else ())),
         )
@@ -58,17 +59,21 @@ class _LinkQualificationCheck:
         answer = results["record"]
         if not isinstance(answer, base.LinkRecordResult) or answer.trouble is not None or answer.now is None:
             why = f": {answer.words}" if isinstance(answer, base.LinkRecordResult) and answer.words else ""
-            hint = f"check `provision measure history site={self.site.name} link={self.link.name}`"
+            hint = msg(f"check `provision measure history site={arg(self.site.name)} link={arg(self.link.name)}`")
             return base.ProbeResult(
-                (parse.unknown("not-readable", f"the measurements of {self.link.name} cannot be read{why}", hint),)
+                (
+                    parse.unknown(
+                        "not-readable", msg(f"the measurements of {arg(self.link.name)} cannot be read{arg(why)}"), hint
+                    ),
+                )
             )
-        again = f"`provision measure link site={self.site.name} link={self.link.name}` measures it"
+        again = msg(f"`provision measure link site={arg(self.site.name)} link={arg(self.link.name)}` measures it")
         record = answer.record
         if record is None:
-            message = f"{self.link.name} was never measured by this computer"
+            message = msg(f"{arg(self.link.name)} was never measured by this computer")
             return base.ProbeResult((parse.unknown("never-measured", message, again),))
         if record.run.emulated and not answer.is_rehearsal:
-            message = f"the measurement of {self.link.name} used an emulated link"
+            message = msg(f"the measurement of {arg(self.link.name)} used an emulated link")
             return base.ProbeResult((parse.unknown("emulated", message, again),))
         wrong = (*self._wrong(record, answer.now, is_rehearsal=answer.is_rehearsal),)
         if answer.is_rehearsal:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
@@ -78,59 +83,81 @@ class _LinkQualificationCheck:
     def _wrong(self, record: QualifyRecord, now: datetime, *, is_rehearsal: bool) -> Iterator[LinkFinding]:
         """Yield everything that prevents passing, failures first. Simulated rehearsal results are not stored."""
         run, name = record.run, self.link.name
-        again = f"`provision measure link site={self.site.name} link={self.link.name}` measures it"
+        again = msg(f"`provision measure link site={arg(self.site.name)} link={arg(self.link.name)}` measures it")
         failed_criteria = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
         open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
         why = f": {run.way_reason}" if run.way_reason else ""
         if failed_criteria:
-            message = f"{name} does not meet `{record.thresholds_name}`: {parse.join_words(failed_criteria)}"
-            show_hint = f"`provision measure show site={self.site.name} run={run.id}` shows the full result"
+            message = msg(
+                f"{arg(name)} does not meet `{arg(record.thresholds_name)}`: {arg(parse.join_words(failed_criteria))}"
+            )
+            show_hint = msg(
+                f"`provision measure show site={arg(self.site.name)} run={arg(run.id)}` shows the full result"
+            )
             yield parse.fail("beyond-the-limit", message, again if is_rehearsal else show_hint)
         if run.way is Verdict.FAIL:
-            yield parse.fail("other-link", f"the measurement of {name} went over another link{why}", again)
+            yield parse.fail(
+                "other-link", msg(f"the measurement of {arg(name)} went over another link{arg(why)}"), again
+            )
         elif run.way is not Verdict.PASS:
-            yield parse.unknown("way-not-proved", f"no proof that the measurement of {name} went over it{why}", again)
+            yield parse.unknown(
+                "way-not-proved", msg(f"no proof that the measurement of {arg(name)} went over it{arg(why)}"), again
+            )
         if not run.far_end.authenticated:
-            message = (
-                f"{run.far_end.name}, which responded to the measurement of {name}, is not an authenticated far end"
+            message = msg(
+                f"{arg(run.far_end.name)}, which responded to the measurement of {arg(name)}, is not an authenticated "
+                "far end"
             )
             yield parse.unknown("other-far-end", message, again)
         if run.reason != EndReason.DONE:
-            yield parse.unknown("cut-short", f"the measurement of {name} was not completed: {run.reason}", again)
+            yield parse.unknown(
+                "cut-short", msg(f"the measurement of {arg(name)} was not completed: {arg(run.reason)}"), again
+            )
         if open_ or not record.judgements:
             what = parse.join_words(open_) or "no round trips without load"
-            yield parse.unknown("not-proved", f"the measurement of {name} does not decide: {what}", again)
+            yield parse.unknown(
+                "not-proved", msg(f"the measurement of {arg(name)} does not decide: {arg(what)}"), again
+            )
         if run.kind != self.link.kind.value:
-            kinds = f"its kind was {run.kind}, and is now {self.link.kind.value}"
-            yield parse.unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
+            kinds = msg(f"its kind was {arg(run.kind)}, and is now {arg(self.link.kind.value)}")
+            yield parse.unknown(
+                "other-kind", msg(f"{arg(name)} has changed since it was measured: {arg(kinds)}"), again
+            )
         yield from self._check_age(run.begun, now)
 
     def _check_age(self, start: datetime, now: datetime) -> Iterator[LinkFinding]:
         days = self.site.site_config.checklist.qualified_within_days
-        again = f"`provision measure link site={self.site.name} link={self.link.name}` measures it"
+        again = msg(f"`provision measure link site={arg(self.site.name)} link={arg(self.link.name)}` measures it")
         if start > now + _AHEAD:
-            message = f"the measurement of {self.link.name} is dated in the future: {start:%Y-%m-%d %H:%M} UTC"
+            message = msg(
+                f"the measurement of {arg(self.link.name)} is dated in the future: {arg(start):%Y-%m-%d %H:%M} UTC"
+            )
             yield parse.unknown("of-the-future", message, "check this computer's clock, then measure again")
         elif now - start > timedelta(days=days):
             age = (now - start).days
-            old = f"the last measurement of {self.link.name} is {age} days old; the limit is {days}"
+            old = msg(f"the last measurement of {arg(self.link.name)} is {arg(age)} days old; the limit is {arg(days)}")
             yield parse.unknown("stale", old, again)
 
     def _not_measured(self) -> LinkFinding:
-        message = f"{self.link.name} was not measured: a checklist rehearsal measures no link"
+        message = msg(f"{arg(self.link.name)} was not measured: a checklist rehearsal measures no link")
         return LinkFinding(Verdict.SKIP, "not-measured", message)
 
     def _good_finding(self, record: QualifyRecord, now: datetime) -> LinkFinding:
         count, age = len(record.judgements), (now - record.run.begun).days
-        since = "today" if age < 1 else "yesterday" if age == 1 else f"{age} days ago"
-        message = f"{self.link.name} meets all {count} criteria of `{record.thresholds_name}`, measured {since}"
+        since = msg("today" if age < 1 else "yesterday" if age == 1 else f"{arg(age)} days ago")
+        message = msg(
+            f"{arg(self.link.name)} meets all {arg(count)} criteria of `{arg(record.thresholds_name)}`, measured "
+            f"{arg(since)}"
+        )
         return parse.good("qualified", message)
 
 
 def _evidence(record: QualifyRecord) -> Iterator[Evidence]:
     run = record.run
-    yield parse.read("measurement", f"{run.id}, started {run.begun:%Y-%m-%d %H:%M} UTC")
+    yield parse.read("measurement", msg(f"{arg(run.id)}, started {arg(run.begun):%Y-%m-%d %H:%M} UTC"))
     yield parse.read("SHA-256 of its samples", record.samples_sha256)
     for item in record.judgements:
         value = "unknown" if item.measured is None else f"{item.measured:.4g} {item.unit}".rstrip()
-        yield parse.measured_evidence(item.criterion, f"{value}, limit {item.limit:g}: {item.verdict.value}")
+        yield parse.measured_evidence(
+            item.criterion, msg(f"{arg(value)}, limit {arg(item.limit):g}: {arg(item.verdict.value)}")
+        )

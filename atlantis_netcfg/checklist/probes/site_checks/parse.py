@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
@@ -47,8 +48,8 @@ def unknown(code: str, message: str, hint: str) -> LinkFinding:
 def silent(who: str, trouble: base.Trouble, words: str) -> LinkFinding:
     """Return the finding for an incomplete response, from which nothing follows."""
     code, message, hint = _SILENT.get(trouble, _SILENT[base.Trouble.SILENT])
-    text = f": {words}" if words else ""
-    return unknown(code, message.format(who=who) + text, hint.format(who=who))
+    text = msg(message.format(who=arg(who)))
+    return unknown(code, msg(f"{arg(text)}: {arg(words)}") if words else text, msg(hint.format(who=arg(who))))
 
 
 _SILENT = {
@@ -84,8 +85,8 @@ def unreadable(who: str, what: str) -> LinkFinding:
     """Return the finding for a response that cannot be parsed."""
     return unknown(
         "unreadable",
-        f"{who} reports {what} in an unknown form",
-        f"repeat the check; if nothing changes, check {who} manually",
+        msg(f"{arg(who)} reports {arg(what)} in an unknown form"),
+        msg(f"repeat the check; if nothing changes, check {arg(who)} manually"),
     )
 
 
@@ -107,7 +108,7 @@ def declared_evidence(what: str, value: str) -> report.Evidence:
 def join_words(words: Iterable[str]) -> str:
     """Join words: `a`, `a and b`, `a, b and c`."""
     every = list(words)
-    return " and ".join(filter(None, (", ".join(every[:-1]), *every[-1:])))
+    return " and ".join(filter(None, (join(", ", every[:-1]), *every[-1:])))
 
 
 _TRUE = frozenset({"true", "yes"})
@@ -165,8 +166,8 @@ def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[st
         return silent(who, answer.trouble, answer.words)
     if answer.rows is None:
         text = f": {answer.words}" if answer.words else ""
-        hint = f"this RouterOS version may not support it: check {who} manually"
-        return unknown("refused", f"{who} does not report {what}{text}", hint)
+        hint = msg(f"this RouterOS version may not support it: check {arg(who)} manually")
+        return unknown("refused", msg(f"{arg(who)} does not report {arg(what)}{arg(text)}"), hint)
     if answer.rows and not any(key in row for row in answer.rows):
         return unreadable(who, what)
     return answer.rows
@@ -179,8 +180,12 @@ def get_output(answer: base.Answer, who: str) -> str | LinkFinding:
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
     if answer.rc != 0:
-        text = (answer.err.strip().splitlines() or [f"exit code {answer.rc}"])[-1]
-        return unknown("program-failed", f"a program on {who} failed: {text[:160]}", f"try the same on {who} manually")
+        text = (answer.err.strip().splitlines() or [msg(f"exit code {arg(answer.rc)}")])[-1]
+        return unknown(
+            "program-failed",
+            msg(f"a program on {arg(who)} failed: {arg(text[:160])}"),
+            msg(f"try the same on {arg(who)} manually"),
+        )
     return answer.out
 
 
@@ -429,7 +434,7 @@ def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple
 def link_requests(site: OwnSite) -> tuple[base.LinkStatusRequest, ...]:
     """Return status requests for all links of the site, named `look` and the link's name."""
     return (
-        tuple(base.LinkStatusRequest(f"look {link.name}", link.name) for link in site.site_config.bearers)
+        tuple(base.LinkStatusRequest(msg(f"look {arg(link.name)}"), link.name) for link in site.site_config.bearers)
         if site.router
         else ()
     )

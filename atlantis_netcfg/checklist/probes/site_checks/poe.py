@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import PoeMode
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
@@ -94,17 +95,20 @@ class _PoeCheck:
             for port in values
             for finding in _judge_port(name, port, fed.get(port), ports.get(port), modes[port])
         ]
-        evidence = tuple(parse.read(f"PoE on {port} of {name}", _describe_power(row)) for port, row in ports.items())
+        evidence = tuple(
+            parse.read(msg(f"PoE on {arg(port)} of {arg(name)}"), _describe_power(row)) for port, row in ports.items()
+        )
         return base.ProbeResult(tuple(wrong) or (self._good_finding(ports, fed),), evidence)
 
     def _good_finding(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> LinkFinding:
-        draws = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
+        draws = [msg(f"{arg(box)} ({arg(_draw(ports[port]))})") for port, box in fed.items() if port in ports]
         if not draws:
             return parse.good(
                 "no-fault", "no port that supplies power has a fault; the inventory has no device powered by one"
             )
         return parse.good(
-            "powered", f"{parse.join_words(draws)} {'draws' if len(draws) == 1 else 'draw'} power from the router"
+            "powered",
+            msg(f"{arg(parse.join_words(draws))} {'draws' if len(draws) == 1 else 'draw'} power from the router"),
         )
 
 
@@ -113,7 +117,9 @@ def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[s
     name_by_port = {row.get("default-name", ""): row.get("name", "") for row in names}
     for port in ports:
         if name_by_port.get(port, port) != port:
-            message = f"{port} of {name} is named {name_by_port[port]} there, so its power was not reported"
+            message = msg(
+                f"{arg(port)} of {arg(name)} is named {arg(name_by_port[port])} there, so its power was not reported"
+            )
             yield parse.fail("port-renamed", message, "apply the site's configuration, which restores the port names")
 
 
@@ -121,8 +127,9 @@ def _board(name: str, values: Mapping[str, object]) -> LinkFinding | None:
     """Return a finding if the board has no PoE, and so neither the menu nor the ports."""
     if any(not isinstance(item, LinkFinding) or item.code != "refused" for item in values.values()):
         return None
-    message = (
-        f"{name} reports no PoE and seems to have none, but in the inventory {parse.join_words(values)} supply power"
+    message = msg(
+        f"{arg(name)} reports no PoE and seems to have none, but in the inventory {arg(parse.join_words(values))} "
+        "supply power"
     )
     hint = "compare `poe` of the router's ports with the hardware; without PoE each device needs its own power supply"
     return parse.unknown("no-poe", message, hint)
@@ -135,38 +142,46 @@ def _row_of(port: str, result: tuple[Mapping[str, str], ...] | LinkFinding) -> M
 def _judge_port(
     name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode
 ) -> Iterator[LinkFinding]:
-    where = f"{port} of {name}" + (f", which powers {box}" if box else "")
+    where = msg(f"{arg(port)} of {arg(name)}" + (f", which powers {arg(box)}" if box else ""))
     if row is None or "poe-out-status" not in row:
         hint = "compare `poe` of the router's ports with the hardware: not every port or router can supply power"
-        yield parse.unknown("port-untold", f"the router does not report the power on {where}", hint)
+        yield parse.unknown("port-untold", msg(f"the router does not report the power on {arg(where)}"), hint)
         return
     status = row["poe-out-status"]
     if status in _FAULTS:
-        yield parse.fail("poe-fault", f"{where}, reports {status}", f"that is {_FAULTS[status]}")
+        yield parse.fail(
+            "poe-fault", msg(f"{arg(where)}, reports {arg(status)}"), msg(f"that is {arg(_FAULTS[status])}")
+        )
     elif box is None:
         return
     elif status in {"waiting-for-load", "waiting_for_load"}:
-        message = f"no device draws power on {where}: the port waits for a load"
+        message = msg(f"no device draws power on {arg(where)}: the port waits for a load")
         yield parse.fail(
-            "nobody-draws", message, f"check that {box} is connected to {port}, with a cable that has all eight wires"
+            "nobody-draws",
+            message,
+            msg(f"check that {arg(box)} is connected to {arg(port)}, with a cable that has all eight wires"),
         )
     elif status in {"off", "disabled"}:
         yield parse.fail(
-            "poe-off", f"the power on {where}, is switched off", "apply the site's configuration, which switches it on"
+            "poe-off",
+            msg(f"the power on {arg(where)}, is switched off"),
+            "apply the site's configuration, which switches it on",
         )
     elif status not in {"powered-on", "powered_on"}:
         yield parse.unknown(
-            "status-unknown", f"{where}, reports `{status}`", "look up that status in the router's manual"
+            "status-unknown",
+            msg(f"{arg(where)}, reports `{arg(status)}`"),
+            "look up that status in the router's manual",
         )
     elif _value(row, "poe-out-current") == 0 or _value(row, "poe-out-power") == 0:
         yield parse.warn(
             "draws-nothing",
-            f"{where}, is powered but draws nothing",
-            f"check whether {box} is also powered from elsewhere",
+            msg(f"{arg(where)}, is powered but draws nothing"),
+            msg(f"check whether {arg(box)} is also powered from elsewhere"),
         )
     elif mode is PoeMode.FORCED_ON and _value(row, "poe-out-current") is None and _value(row, "poe-out-power") is None:
-        message = f"{where}, is always powered, and the router does not report the power drawn"
-        yield parse.unknown("draw-untold", message, f"check the LEDs of {box}, or set the port to `auto-on`")
+        message = msg(f"{arg(where)}, is always powered, and the router does not report the power drawn")
+        yield parse.unknown("draw-untold", message, msg(f"check the LEDs of {arg(box)}, or set the port to `auto-on`"))
 
 
 def _value(row: Mapping[str, str], name: str) -> float | None:
@@ -181,4 +196,4 @@ def _draw(row: Mapping[str, str]) -> str:
 
 def _describe_power(row: Mapping[str, str]) -> str:
     figures = (row.get(f"poe-out-{what}") for what in ("status", "voltage", "current", "power"))
-    return ", ".join(filter(None, figures))
+    return join(", ", filter(None, figures))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.site_checks import parse
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links import LinkFinding, LinkState, policy
 from atlantis_netcfg.operations.links.status import IN_USE
 from atlantis_netcfg.routeros.menus import MENUS
@@ -56,7 +57,9 @@ class _DefaultRoute:
             return base.ProbeResult((result, *local))
         routes = [row for row in result if row.get("dst-address") == _DEFAULT]
         findings = tuple(_find_broad_route(result)) or tuple(self._judge_router(routes, results))
-        evidence = tuple(parse.read(f"default route of {name}", _route_text(row)) for row in routes if _in_force(row))
+        evidence = tuple(
+            parse.read(msg(f"default route of {arg(name)}"), _route_text(row)) for row in routes if _in_force(row)
+        )
         return base.ProbeResult((*findings, *local), evidence)
 
     @property
@@ -75,7 +78,9 @@ class _DefaultRoute:
             yield _no_route_finding(self.site.name, foreign=[row for row in routes if _in_force(row)])
         elif len(active) > 1:
             hint = "check `/ip/route print` of the router for a default route that `provision` did not write"
-            yield parse.fail("two-ways", f"the site's traffic is split between {parse.join_words(active)}", hint)
+            yield parse.fail(
+                "two-ways", msg(f"the site's traffic is split between {arg(parse.join_words(active))}"), hint
+            )
         elif policy.active_link(routes, self._link_routes) is None:
             yield _no_route_finding(self.site.name, foreign=[row for row in routes if _in_force(row)])
         else:
@@ -94,28 +99,30 @@ class _DefaultRoute:
         cost_note = ", which is metered" if links[place].metered else ""
         if (use := _temporary_use_finding(results[f"look {active}"], active)) is not None:
             return parse.warn(
-                "in-use-for-a-time", f"traffic leaves by {active}{cost_note}: {use['message']}", use["hint"]
+                "in-use-for-a-time",
+                msg(f"traffic leaves by {arg(active)}{arg(cost_note)}: {arg(use['message'])}"),
+                use["hint"],
             )
         if up:
             return self._not_best_finding(active, cost_note, up)
         if unseen:
-            message = (
-                f"traffic leaves by {active}{cost_note}; the state of {parse.join_words(unseen)}, which is "
-                "better, is unknown"
+            message = msg(
+                f"traffic leaves by {arg(active)}{arg(cost_note)}; the state of {arg(parse.join_words(unseen))}, which "
+                "is better, is unknown"
             )
             return parse.unknown(
                 "better-unknown",
                 message,
-                f"check `provision links site={self.site.name}` when the devices respond again",
+                msg(f"check `provision links site={arg(self.site.name)}` when the devices respond again"),
             )
-        why = f", because {parse.join_words(better)} is not up" if better else ""
-        return parse.good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
+        why = msg(f", because {arg(parse.join_words(better))} is not up" if better else "")
+        return parse.good("by-the-bearer-that-is-meant", msg(f"traffic leaves by {arg(active)}{arg(why)}"))
 
     def _not_best_finding(self, active: str, cost_note: str, up: list[str]) -> LinkFinding:
-        message = f"traffic leaves by {active}{cost_note}, although {up[0]} is up and better"
+        message = msg(f"traffic leaves by {arg(active)}{arg(cost_note)}, although {arg(up[0])} is up and better")
         wait = self.site.site_config.failover.fail_back_s
-        hint = (
-            f"a better link is used again after {wait} s without interruption: wait that long, then apply the "
+        hint = msg(
+            f"a better link is used again after {arg(wait)} s without interruption: wait that long, then apply the "
             "site's configuration"
         )
         return (
@@ -141,16 +148,17 @@ def _temporary_use_finding(look: base.Answer, active: str) -> Mapping[str, str] 
 
 def _no_route_finding(site: str, foreign: Sequence[Mapping[str, str]]) -> LinkFinding:
     if foreign:
-        message = (
-            f"the default route of the router leads to {foreign[0].get('gateway', '?')}, which is not a link of {site}"
+        message = msg(
+            f"the default route of the router leads to {arg(foreign[0].get('gateway', '?'))}, which is not a link of "
+            f"{arg(site)}"
         )
         return parse.fail(
             "foreign-route",
             message,
             "remove that route on the router, or apply the site's configuration, which restores its own route",
         )
-    hint = (
-        f"check with `provision links site={site}` that a link is up; then apply the site's configuration, which "
+    hint = msg(
+        f"check with `provision links site={arg(site)}` that a link is up; then apply the site's configuration, which "
         "restores its routes"
     )
     return parse.fail("no-default-route", "the router has no active default route: nothing leaves the site", hint)
@@ -167,7 +175,10 @@ def _is_broad(text: str) -> bool:
 def _find_broad_route(rows: Sequence[Mapping[str, str]]) -> Iterator[LinkFinding]:
     there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
     if there is not None:
-        message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
+        message = msg(
+            f"the router sends {arg(there['dst-address'])} to {arg(there.get('gateway', '?'))}, before its default "
+            "route"
+        )
         yield parse.fail(
             "broader-route", message, "remove that route on the router, then apply the site's configuration"
         )
@@ -179,7 +190,7 @@ def _in_force(row: Mapping[str, str]) -> bool:
 
 
 def _route_text(row: Mapping[str, str]) -> str:
-    return f"{row.get('gateway', '?')}, distance {row.get('distance', '?')}"
+    return msg(f"{arg(row.get('gateway', '?'))}, distance {arg(row.get('distance', '?'))}")
 
 
 def _state(status: Mapping[str, Any]) -> LinkState | None:
@@ -200,34 +211,45 @@ def _is_dead(row: Mapping[str, Any]) -> bool:
 
 
 def _judge_computer_routes(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[LinkFinding]:
-    hint = f"set the default route of {name} only to {router}: `provision` writes it if `network:` is set"
+    hint = msg(
+        f"set the default route of {arg(name)} only to {arg(router)}: `provision` writes it if `network:` is set"
+    )
     ways = sorted((row for row in routes if row.get("dst") == "default" and not _is_dead(row)), key=_metric)
     broad = next((route for route in routes if _is_broad(str(route.get("dst", "")))), None)
     if broad is not None:
-        message = (
-            f"{name} sends {broad['dst']} to {broad.get('gateway', broad.get('dev', '?'))}, before its default route"
+        message = msg(
+            f"{arg(name)} sends {arg(broad['dst'])} to {arg(broad.get('gateway', broad.get('dev', '?')))}, before its "
+            "default route"
         )
         yield parse.fail("gateway-broader-route", message, hint)
         return
     if not ways:
-        yield parse.fail("gateway-no-route", f"{name} has no default route", hint)
+        yield parse.fail("gateway-no-route", msg(f"{arg(name)} has no default route"), hint)
         return
     via, first = ways[0].get("gateway", "nobody"), _metric(ways[0])
     others = [item.get("gateway", "nobody") for item in ways[1:] if item.get("gateway") != router]
     if via != router:
         yield parse.fail(
-            "gateway-wrong-route", f"the default route of {name} leads to {via}, not to the router {router}", hint
+            "gateway-wrong-route",
+            msg(f"the default route of {arg(name)} leads to {arg(via)}, not to the router {arg(router)}"),
+            hint,
         )
     elif others and any(_metric(way) == first for way in ways[1:]):
-        yield parse.fail("gateway-two-routes", f"{name} has two default routes, to {router} and to {others[0]}", hint)
+        yield parse.fail(
+            "gateway-two-routes",
+            msg(f"{arg(name)} has two default routes, to {arg(router)} and to {arg(others[0])}"),
+            hint,
+        )
     elif others:
         yield parse.warn(
             "gateway-spare-route",
-            f"{name} has a second default route, to {others[0]}, with lower priority than the right one",
+            msg(f"{arg(name)} has a second default route, to {arg(others[0])}, with lower priority than the right one"),
             hint,
         )
     else:
-        yield parse.good("gateway-by-the-router", f"the default route of {name} leads to the router {router}")
+        yield parse.good(
+            "gateway-by-the-router", msg(f"the default route of {arg(name)} leads to the router {arg(router)}")
+        )
 
 
 _TARGET = ("dst-address", "dst-port", "protocol", "dst-address-list")
@@ -284,14 +306,17 @@ class _Filter:
         fine = [self._success_finding(item, results) for item in self._satellites]
         evidence = [
             parse.declared_evidence(
-                f"allowed over {uplink.name}",
-                parse.join_words(f"{target.name} ({_format_endpoint(target)})" for target in uplink.targets),
+                msg(f"allowed over {arg(uplink.name)}"),
+                parse.join_words(
+                    msg(f"{arg(target.name)} ({arg(_format_endpoint(target))})") for target in uplink.targets
+                ),
             )
             for uplink in self._satellites
         ]
         evidence += [
             parse.read(
-                f"rules of chain {satellite.chain}", str(sum(row.get("chain") == satellite.chain for row in rules))
+                msg(f"rules of chain {arg(satellite.chain)}"),
+                str(sum(row.get("chain") == satellite.chain for row in rules)),
             )
             for satellite in self._satellites
         ]
@@ -302,10 +327,13 @@ class _Filter:
         values = parse.link_status(results[f"look {satellite.name}"], satellite.name)
         quality = {} if isinstance(values, LinkFinding) else values.get("quality") or {}
         count = quality.get("kept_off_packets")
-        count_note = f", and has blocked {count} packets so far" if isinstance(count, int) else ""
+        count_note = msg(f", and has blocked {arg(count)} packets so far" if isinstance(count, int) else "")
         target_names = parse.join_words(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
         return parse.good(
-            "stands", f"the allow-list of {satellite.name} passes {target_names} and nothing else{count_note}"
+            "stands",
+            msg(
+                f"the allow-list of {arg(satellite.name)} passes {arg(target_names)} and nothing else{arg(count_note)}"
+            ),
         )
 
 
@@ -319,18 +347,20 @@ def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Itera
     local = [row for row in rules if row.get("chain") == satellite.chain]
     if not local or local[-1].get("action") != "drop" or _narrow(local[-1]):
         yield parse.fail(
-            "not-dropped", f"chain {satellite.chain} does not end with a rule that drops everything else", _RUN
+            "not-dropped",
+            msg(f"chain {arg(satellite.chain)} does not end with a rule that drops everything else"),
+            _RUN,
         )
     expected_targets = {(item.address, str(item.port or ""), item.transport or "") for item in satellite.targets}
     letting = [row for row in local if row.get("action") not in _HOLDS]
     there = {_target(row) for row in letting}
     whole = {_target(row) for row in letting if not _narrow(row, _TARGET)}
     for target in sorted(there - expected_targets):
-        message = f"the allow-list of {satellite.name} also passes {_target_text(target)}"
+        message = msg(f"the allow-list of {arg(satellite.name)} also passes {arg(_target_text(target))}")
         hint = "add it under `allow:` if it is intended; otherwise apply the site's configuration, which removes it"
         yield parse.fail("too-wide", message, hint)
     for target in sorted(expected_targets - whole):
-        message = f"the allow-list of {satellite.name} does not pass {_target_text(target)}"
+        message = msg(f"the allow-list of {arg(satellite.name)} does not pass {arg(_target_text(target))}")
         yield parse.fail("too-narrow", message, "apply the site's configuration, which restores the rule")
 
 
@@ -338,10 +368,14 @@ def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain:
     """Yield findings unless all outgoing traffic reaches the allow-list before another rule accepts it."""
     place = next((place for place, row in enumerate(rules) if _is_jump_to(row, satellite)), None)
     if place is None:
-        message = f"traffic over {satellite.name} is not checked: chain {chain} has no rule that leads to"
+        message = msg(
+            f"traffic over {arg(satellite.name)} is not checked: chain {arg(chain)} has no rule that leads to"
+        )
         yield parse.fail("not-asked", f"{message} {satellite.chain}", _RUN)
     elif any(_accepts(row, satellite) for row in rules[:place]):
-        message = f"a rule of chain {chain} accepts packets for {satellite.name} before its allow-list is checked"
+        message = msg(
+            f"a rule of chain {arg(chain)} accepts packets for {arg(satellite.name)} before its allow-list is checked"
+        )
         yield parse.fail("bypassed", message, _RUN)
 
 
@@ -361,13 +395,13 @@ def _is_inside(text: str, network: str) -> bool:
 
 def _target(row: Mapping[str, str]) -> tuple[str, str, str]:
     leads = row.get("action") == "jump"
-    anywhere = f"what chain {row.get('jump-target', '?')} passes" if leads else "any address"
+    anywhere = msg(f"what chain {arg(row.get('jump-target', '?'))} passes" if leads else "any address")
     return row.get("dst-address", anywhere), row.get("dst-port", ""), row.get("protocol", "")
 
 
 def _target_text(target: tuple[str, str, str]) -> str:
     address, port, protocol = target
-    return address + (f" port {port}" if port else "") + (f" ({protocol})" if protocol else "")
+    return address + msg(f" port {arg(port)}" if port else "") + (f" ({protocol})" if protocol else "")
 
 
 _HOLDS = frozenset(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
 from atlantis_netcfg.checklist.probes.site_checks import parse
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import SshHost
 from atlantis_netcfg.links import LinkFinding
 
@@ -35,16 +36,22 @@ def vpn_check(site: parse.OwnSite) -> base.Step:
         if isinstance(host.device, SshHost) and host.device.vpn_address is not None
     }
     if not members:
-        do = f"The inventory has no device of {site.name} in the VPN: check how it reaches the other sites."
+        do = msg(f"The inventory has no device of {arg(site.name)} in the VPN: check how it reaches the other sites.")
         return parse.by_hand(
             "vpn", title, do, "Another site responds, over a path that is not open to the public.", site.hosts
         )
     return parse.by_hand(
         "vpn",
         title,
-        f"On {' and '.join(members)}, check the tunnel's address, and ping a member at another site through the "
-        "tunnel. No router, gateway computer or control centre of this site is in the VPN, so no program can do it.",
-        f"{' and '.join((f'{name} has {address}' for name, address in members.items()))}, and the other site responds.",
+        msg(
+            f"On {arg(' and '.join(members))}, check the tunnel's address, and ping a member at another site through "
+            "the tunnel. No router, gateway computer or control centre of this site is in the VPN, so no program can "
+            "do it."
+        ),
+        msg(
+            f"{arg(' and '.join((msg(f'{arg(name)} has {arg(address)}') for name, address in members.items())))}, and "
+            "the other site responds."
+        ),
         tuple(members),
     )
 
@@ -99,17 +106,19 @@ class _VpnCheck:
             return
         row = next((row for row in result if row.get("name") == tunnel.interface), None)
         if row is None:
-            hint = f"`provision vpn install device={name}`, then `provision site={self.site.name}`"
-            yield parse.fail("router-no-tunnel", f"{name} has no tunnel {tunnel.interface}", hint)
+            hint = msg(f"`provision vpn install device={arg(name)}`, then `provision site={arg(self.site.name)}`")
+            yield parse.fail("router-no-tunnel", msg(f"{arg(name)} has no tunnel {arg(tunnel.interface)}"), hint)
         elif parse.yes(row, "disabled"):
             yield parse.fail(
                 "router-tunnel-off",
-                f"{tunnel.interface} of {name} is disabled",
+                msg(f"{arg(tunnel.interface)} of {arg(name)} is disabled"),
                 "apply the site's configuration to enable it",
             )
         elif not parse.yes(row, "running"):
             yield parse.fail(
-                "router-tunnel-down", f"{tunnel.interface} of {name} is not connected to the VPN server", _REVOKED_HINT
+                "router-tunnel-down",
+                msg(f"{arg(tunnel.interface)} of {arg(name)} is not connected to the VPN server"),
+                _REVOKED_HINT,
             )
         else:
             yield self._check_address(name, tunnel.interface, str(client.address), results["addresses"])
@@ -119,7 +128,7 @@ class _VpnCheck:
         if isinstance(current, LinkFinding):
             return current
         there = [str(item.address.ip) for item in current if item.interface == interface and not item.dead]
-        return _compare_address("router", f"{interface} of {name}", expected_address, there)
+        return _compare_address("router", msg(f"{arg(interface)} of {arg(name)}"), expected_address, there)
 
     def _judge_gateway(self, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
         gateway = self.site.gateway
@@ -130,16 +139,25 @@ class _VpnCheck:
             return
         there = [str(item.address.ip) for item in current if item.interface == TUNNEL]
         if not there:
-            hint = f"on {gateway.name}: `systemctl status openvpn-client@atlantis`; its log shows what the server sent"
-            yield parse.fail("gateway-no-tunnel", f"{gateway.name} has no tunnel: {TUNNEL} is missing", hint)
+            hint = msg(
+                f"on {arg(gateway.name)}: `systemctl status openvpn-client@atlantis`; its log shows what the server "
+                "sent"
+            )
+            yield parse.fail(
+                "gateway-no-tunnel", msg(f"{arg(gateway.name)} has no tunnel: {arg(TUNNEL)} is missing"), hint
+            )
             return
-        yield _compare_address("gateway", f"{TUNNEL} of {gateway.name}", str(gateway.device.vpn_address), there)
+        yield _compare_address(
+            "gateway", msg(f"{arg(TUNNEL)} of {arg(gateway.name)}"), str(gateway.device.vpn_address), there
+        )
         if "ping" in results:
             yield from self._judge_ping(gateway.name, results)
         else:
             hint = "set `vpn_address` of the VPN server, so that it can be pinged"
             yield parse.unknown(
-                "server-not-asked", f"the address at which {gateway.name} would ping the server is unknown", hint
+                "server-not-asked",
+                msg(f"the address at which {arg(gateway.name)} would ping the server is unknown"),
+                hint,
             )
 
     def _judge_ping(self, name: str, results: Mapping[str, base.Answer]) -> Iterator[LinkFinding]:
@@ -151,14 +169,14 @@ class _VpnCheck:
         if echoes is None or echoes.sent_count < _PINGS:
             yield parse.unreadable(name, "a ping")
             return
-        strange = tuple(odd_answers(f"the VPN server {server}", echoes))
+        strange = tuple(odd_answers(msg(f"the VPN server {arg(server)}"), echoes))
         yield from strange or (self._judge_echoes(echoes, server, results),)
 
     def _judge_echoes(self, echoes: Echoes, server: str, results: Mapping[str, base.Answer]) -> LinkFinding:
         sent_count, received_count = echoes.sent_count, echoes.received_count
         if not received_count and self._is_over_satellite(results):
-            message = (
-                f"the VPN server {server} replied to none of {sent_count} pings, over a satellite that may "
+            message = msg(
+                f"the VPN server {arg(server)} replied to none of {arg(sent_count)} pings, over a satellite that may "
                 "pause for 70 s"
             )
             return parse.unknown(
@@ -168,15 +186,18 @@ class _VpnCheck:
             hint = "check whether the VPN server is running: `provision vpn status` queries it"
             return parse.fail(
                 "server-silent",
-                f"the VPN server {server} replied to none of {sent_count} pings through the tunnel",
+                msg(f"the VPN server {arg(server)} replied to none of {arg(sent_count)} pings through the tunnel"),
                 hint,
             )
-        took = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
-        text = f"the VPN server {server} replied to {received_count} of {sent_count} pings through the tunnel{took}"
+        took = msg("" if echoes.mean_ms is None else f", in {arg(echoes.mean_ms):g} ms")
+        text = msg(
+            f"the VPN server {arg(server)} replied to {arg(received_count)} of {arg(sent_count)} pings through the "
+            f"tunnel{arg(took)}"
+        )
         return (
             parse.good("server-answers", text)
             if received_count == sent_count
-            else parse.warn("server-lossy", text, f"check `provision links site={self.site.name}`")
+            else parse.warn("server-lossy", text, msg(f"check `provision links site={arg(self.site.name)}`"))
         )
 
     def _is_over_satellite(self, results: Mapping[str, base.Answer]) -> bool:
@@ -191,18 +212,22 @@ class _VpnCheck:
             else ""
         )
         if line:
-            yield parse.measured_evidence(f"pings of {self._server} through the tunnel", line)
+            yield parse.measured_evidence(msg(f"pings of {arg(self._server)} through the tunnel"), line)
         clients = results.get("clients")
         result = parse.rows(clients, "", "", "name") if clients is not None else ()
         for row in () if isinstance(result, LinkFinding) else result:
-            yield parse.read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
+            yield parse.read(
+                msg(f"tunnel {arg(row.get('name', '?'))} of the router"), f"running={row.get('running', '?')}"
+            )
 
 
 def _compare_address(code: str, what: str, expected_address: str, there: list[str]) -> LinkFinding:
     if expected_address in there:
-        return parse.good(f"{code}-tunnel", f"{what} is up, with its address {expected_address} of the inventory")
+        return parse.good(
+            f"{code}-tunnel", msg(f"{arg(what)} is up, with its address {arg(expected_address)} of the inventory")
+        )
     has = there[0] if there else "no address"
-    message = f"{what} is up with {has}; the inventory says {expected_address}"
+    message = msg(f"{arg(what)} is up with {arg(has)}; the inventory says {arg(expected_address)}")
     return parse.fail(
         f"{code}-tunnel-address", message, "`provision vpn sync` makes the server assign each member its address"
     )

@@ -10,6 +10,7 @@ from atlantis_netcfg.checklist.report import _words as words
 from atlantis_netcfg.checklist.report._pdf import _sheet
 from atlantis_netcfg.checklist.report._svg import layout
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report import page_frame, signs
 
@@ -154,8 +155,8 @@ def _findings(sheet: _sheet.Sheet, item: Item) -> None:
 
 def _evidence(sheet: _sheet.Sheet, item: Item, attachments: _AttachmentMap, zone: str) -> None:
     for kinds, every in _words.evidence_groups(item, translate, zone):
-        text = "; ".join(f"{translate(evidence.what)}: {evidence.value}" for evidence in every)
-        sheet.tell(f"{text} ({kinds})", size=_sheet.SMALL, indent=_INDENT + 3)
+        text = join("; ", (f"{translate(evidence.what)}: {evidence.value}" for evidence in every))
+        sheet.tell(msg(f"{arg(text)} ({arg(kinds)})"), size=_sheet.SMALL, indent=_INDENT + 3)
         last = every[-1]
         if last.file is not None:
             file = attachments[last.file, last.sha256]
@@ -183,8 +184,8 @@ def top(sheet: _sheet.Sheet, document: Document) -> None:
     _verdict(sheet, document)
     sheet.tell(translate(_words.signature_line(document)), size=11, bold=True)
     if document.signed is not None:
-        sheet.tell(translate(f"digest {document.signed.digest}"), size=_sheet.SMALL)
-        sheet.tell(translate(f"key {document.signed.key}"), size=_sheet.SMALL)
+        sheet.tell(translate(f"digest {arg(document.signed.digest)}"), size=_sheet.SMALL)
+        sheet.tell(translate(f"key {arg(document.signed.key)}"), size=_sheet.SMALL)
 
 
 def _rehearsal_banner(sheet: _sheet.Sheet, document: Document) -> None:
@@ -211,7 +212,7 @@ def _draw_triangle_row(sheet: _sheet.Sheet) -> None:
 
 def _verdict(sheet: _sheet.Sheet, document: Document) -> None:
     state, words = _words.headline(document)
-    message = ", ".join(f"{number} {item}" for item, number in _words.counts(document.items).items())
+    message = join(", ", (f"{number} {item}" for item, number in _words.counts(document.items).items()))
     message = message or translate(_texts.PageText.NO_ITEMS)
     sheet.set_y(sheet.y + 3)
     for text, size, bold in ((f"{signs.SYMBOLS[state]} {translate(words)}", 13.0, True), (message, 9.0, False)):
@@ -335,7 +336,7 @@ def _fit_text(sheet: _sheet.Sheet, text: str, at: Sequence[float], size: Sequenc
 
 
 def _legend(sheet: _sheet.Sheet) -> None:
-    legend = ", ".join(f"{symbol} {state}" for state, symbol in signs.SYMBOLS.items())
+    legend = join(", ", (f"{symbol} {state}" for state, symbol in signs.SYMBOLS.items()))
     sheet.tell(f"{legend}, ( ) {translate(_texts.PageText.BESIDE_SIGN)}", size=7, faint=True)
 
 

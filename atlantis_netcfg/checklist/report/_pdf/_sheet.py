@@ -13,6 +13,7 @@ from fpdf.fonts import TTFFont
 from atlantis_netcfg.checklist.report import _texts
 from atlantis_netcfg.checklist.report._words import signature_line
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.printable import split_code, visible
 from atlantis_netcfg.runs.report import page_frame, signs
 
@@ -124,7 +125,7 @@ class Paper(FPDF):
         self.set_x(_MARGIN)
         self.cell(0, 4, printable(self.foot_line)[:90])
         self.set_x(_MARGIN)
-        self.cell(0, 4, translate(f"page {self.page_no()} of {_PAGES}"), align="R")
+        self.cell(0, 4, translate(f"page {arg(self.page_no())} of {arg(_PAGES)}"), align="R")
 
     def plain(self, size: float = BODY, *, bold: bool = False, faint: bool = False) -> None:
         """Set the font of the following text."""
@@ -181,11 +182,13 @@ class Sheet(Paper):
     def __init__(self, document: Document) -> None:
         super().__init__(translate(_texts.name_of_page(document)), document.tool, document.ended or document.started)
         self._links_to = {id(item): self.add_link(page=1) for item in document.items}
-        words = [translate(f"{document.site}, run {document.run}")]
+        words = [translate(f"{arg(document.site)}, run {arg(document.run)}")]
         if document.rehearsed:
             words.append(translate(_texts.PageText.REHEARSAL_NOTE))
-        digest = f"digest {document.signed.digest}" if document.signed is not None else _texts.PageText.NOT_SIGNED
-        self.head_line = "; ".join((*words, translate(digest)))
+        digest = (
+            msg(f"digest {arg(document.signed.digest)}") if document.signed is not None else _texts.PageText.NOT_SIGNED
+        )
+        self.head_line = join("; ", (*words, translate(digest)))
         self.foot_line = translate(signature_line(document))
 
     def tint(self, state: signs.ShownState | None) -> None:

@@ -18,8 +18,8 @@ from waiting import HANG_S
 
 _HISTORY = 2000
 _MASKS = (
-    (re.compile(r"\(\d+\s[^()\d]*,\s+[\d.]+\s+kB,\s+[\d.]+\s+s\)"), "(COST)"),
-    (re.compile(r"\([\d.]+\s+s\)"), "(TIME)"),
+    (re.compile(r"\(\d+\s[^()\d]*,\s+[\d.,]+\s+kB,\s+[\d.,]+\s+s\)"), "(COST)"),
+    (re.compile(r"\([\d.,]+\s+s\)"), "(TIME)"),
     (re.compile(r"\d{8}T\d{6}Z(-\d+)?"), "20261125T120000Z"),
     (re.compile(r"(digest|resumo) [0-9a-f\n]{64,66}(?=\n)"), r"\1 DIGEST"),
     (re.compile(r"SHA256:[\w+/]{43}"), "SHA256:KEY"),

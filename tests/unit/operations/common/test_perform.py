@@ -7,13 +7,16 @@ from typing import Any, NoReturn
 
 import pytest
 
+from atlantis_netcfg.cli.base.playbook import _EventListener
 from atlantis_netcfg.core.crash_report import InternalError
-from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.errors import UsageError, fill_hint
+from atlantis_netcfg.core.events import Event, Stage, ignore
+from atlantis_netcfg.core.messages import Message, arg, msg
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations import Request, Target, apply
 from atlantis_netcfg.operations.common import session_link
 from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.request import EventStream
 from atlantis_netcfg.runs import NoJournal
 
 INVENTORY = Path(__file__).parents[4] / "inventory"
@@ -74,3 +77,27 @@ def test_guard_gets_the_declared_address_for_an_emulated_device(tmp_path: Path) 
     request = Request(state=tmp_path, rehearsed=True, targets={"coastal-router": target})
     job = device_job(declaration, declaration.hosts["coastal-router"], request, NoJournal(), ignore)
     assert (job.endpoint.host, job.endpoint.pin, job.address) == ("127.0.0.1", "00", "10.64.101.1")
+
+
+def test_messages_keep_their_ids_on_the_way_to_the_command() -> None:
+    """The engine's tasks send text lines: what they say is shown in the language of the command that reads them."""
+    received: list[Event] = []
+    with _EventListener(received.append, lambda _name, _result: None) as listener:
+        stream = EventStream(listener.writer)
+        stream.event(Event("cpe", Stage.OBSERVED, msg(f"{arg(3)} changes left")))
+        stream.outcome({"cpe": {"message": msg(f"{arg('cpe')}: done"), "hint": None}}, {})
+        stream.error(UsageError(f"{arg('cpe')} is gone", hint=fill_hint("look at site=…", site="scc")))
+    assert listener.refusal is not None
+    texts = [
+        received[0].message,
+        listener.outcome.devices["cpe"]["message"],
+        str(listener.refusal),
+        listener.refusal.hint,
+    ]
+    assert texts == ["3 changes left", "cpe: done", "cpe is gone", "look at site=scc"]
+    assert [text.marked for text in texts if isinstance(text, Message)] == [
+        f"{arg(3)} changes left",
+        f"{arg('cpe')}: done",
+        f"{arg('cpe')} is gone",
+        fill_hint("look at site=…", site="scc").marked,  # type: ignore[attr-defined]
+    ]

@@ -17,6 +17,7 @@ from typing import NoReturn
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.messages import Message, arg, msg
 from atlantis_netcfg.operations.lte.units import LteResult
 from atlantis_netcfg.routeros import Status
 from atlantis_netcfg.runs import (
@@ -501,3 +502,18 @@ def test_a_kill_loses_nothing_that_was_written(tmp_path: Path) -> None:
         assert numbers == tuple(range(1, len(numbers) + 1))
         assert len(numbers) >= written
         assert run.unsettled_devices == ("router",)
+
+
+def test_a_message_read_back_from_the_journal_keeps_its_values(store: Store) -> None:
+    """`report runs` shows it in the language of its reader."""
+    message = msg(f"{arg(2)} of {arg(3)} changes are left on {arg('router')}")
+    outcome = Outcome(device="router", status="failed", exit=4, message=message)
+    with store.start(STARTED) as journal:
+        journal.write(outcome)
+    data = json.loads(journal_file(journal).read_text(encoding="utf-8").splitlines()[-1])
+    assert data["message"] == "2 of 3 changes are left on router"
+    record = read(journal_file(journal)).records[-1]
+    assert record == outcome
+    assert isinstance(record, Outcome)
+    assert isinstance(record.message, Message)
+    assert record.message.marked == f"{arg(2)} of {arg(3)} changes are left on {arg('router')}"

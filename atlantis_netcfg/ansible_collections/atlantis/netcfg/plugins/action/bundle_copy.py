@@ -22,6 +22,7 @@ from ansible.plugins.action import ActionBase
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import ZipappAction
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.computers.bundle.open import Bundle
@@ -44,7 +45,9 @@ class ActionModule(ZipappAction):
         host = str(variables["inventory_hostname"])
         bundle = self._open_bundle()
         if host not in bundle.manifest.hosts:
-            raise AnsibleActionFail(f"the bundle was made for {', '.join(bundle.manifest.hosts)}, not for {host}")
+            raise AnsibleActionFail(
+                msg(f"the bundle was made for {arg(join(', ', bundle.manifest.hosts))}, not for {arg(host)}")
+            )
         values = self._query_status(bundle, None, variables)
         if not values.get("failed") and not values["known"]:
             values = self._query_status(bundle, host, variables)
@@ -85,9 +88,11 @@ class ActionModule(ZipappAction):
         if link_name and not of_variables(variables).get("accept_cost", self._task.args.get("accept_cost", False)):
             command = (variables.get("atlantis_request") or {}).get("command", PLAIN_ANSIBLE)
             raise AnsibleActionFail(
-                f"{_size(size)} of the bundle would go over metered link {link_name}, and nobody has consented to "
-                f"the cost: nothing was sent\nrun the same command with {accepting(command)}, or use another link: "
-                "`via=lan`"
+                msg(
+                    f"{arg(_size(size))} of the bundle would go over metered link {arg(link_name)}, and nobody has "
+                    f"consented to the cost: nothing was sent\nrun the same command with {arg(accepting(command))}, or "
+                    "use another link: `via=lan`"
+                )
             )
 
     def _send(
@@ -109,19 +114,25 @@ class ActionModule(ZipappAction):
                 self._connection.put_file(str(archive), values["upload"])
         except AnsibleError as error:
             raise AnsibleActionFail(
-                f"the link to {host} was lost while {_size(size)} of the bundle were copied: {error}\nrun the same "
-                "command again: it keeps what has arrived and sends only the rest"
+                msg(
+                    f"the link to {arg(host)} was lost while {arg(_size(size))} of the bundle were copied: "
+                    f"{arg(error)}\nrun the same command again: it keeps what has arrived and sends only the rest"
+                )
             ) from error
         except OSError as error:
             raise AnsibleActionFail(
-                f"the files to copy cannot be put together in {temporary.large_temp_dir()}: "
-                f"{error.strerror or error}\nfree {_size(size)} there, on this computer"
+                msg(
+                    f"the files to copy cannot be put together in {arg(temporary.large_temp_dir())}: "
+                    f"{arg(error.strerror or error)}\nfree {arg(_size(size))} there, on this computer"
+                )
             ) from error
         answer = self._query_status(bundle, host, variables)
         if not answer.get("failed") and not answer["ready"]:
             raise AnsibleActionFail(
-                f"{len(answer['missing'])} files of the bundle did not arrive completely on {host}\nrun the same "
-                "command again"
+                msg(
+                    f"{arg(len(answer['missing']))} files of the bundle did not arrive completely on {arg(host)}\nrun "
+                    "the same command again"
+                )
             )
         return size, answer
 
@@ -132,7 +143,9 @@ def _size(size: int) -> str:
 
 def _result(bundle: Bundle, values: dict[str, Any], carried_bytes: int, *, is_sent: bool) -> dict[str, Any]:
     words = "carried" if is_sent else "to copy"
-    changes = [f"bundle {bundle.manifest.id}: {_size(carried_bytes)} {words}"] if carried_bytes else []
+    changes = (
+        [msg(f"bundle {arg(bundle.manifest.id)}: {arg(_size(carried_bytes))} {arg(words)}")] if carried_bytes else []
+    )
     changes += values["changes"]
     return {
         "changed": bool(changes),

@@ -27,6 +27,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.en
 )
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.processes.worker import end_with_parent
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class ActionModule(zipapp_action.ZipappAction):
                 requests.append(self.request(name, parameters, variables))
                 secrets.append(secret)
         except (AnsibleError, NetcfgError, OSError) as error:
-            self._display.vvv(printable.lines(f"prefetch stopped: {error}"))
+            self._display.vvv(printable.lines(msg(f"prefetch stopped: {arg(error)}")))
         answers = self.call("batch", requests, variables).get("answers", []) if requests else []
         clean_answers = [
             printable.clean(zipapp_action.mask_secrets(zipapp_action.without_ansible(answer), secret))

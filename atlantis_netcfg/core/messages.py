@@ -1,0 +1,141 @@
+"""Messages for people: English texts that know which parts of them are values, to be translated when shown.
+
+A message is its English text for every program: comparisons, JSON, journals and logs see a `str`. `translate` of
+`core.language` looks up the text around the values. Plural forms are written out with their condition
+(`{'s' if count != 1 else ''}`), one entry of the catalogue each: Portuguese and English have the same two.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+TEXT, NUMBER, MESSAGE, OLD = "\ue000", "\ue001", "\ue002", "\ue003"
+"""Marks in front of a value, a number, a nested message, and the old text of a replacement."""
+NEW, END = "\ue004", "\ue005"
+"""Marks in front of the new text of a replacement, and behind each of these parts."""
+_MARK = re.compile(f"[{TEXT}-{END}]")
+
+
+class Message(str):
+    """An English text; `marked` is the same text with marks around its values."""
+
+    __slots__ = ("marked",)
+    marked: str
+
+    def __new__(cls, source: str) -> Self:
+        """Make a message of a text with marks; all else is in the text."""
+        message = super().__new__(cls, _text(source))
+        message.marked = source
+        return message
+
+    def __str__(self) -> str:
+        """Return the message itself: an error that is raised with it gives it back."""
+        return self
+
+    def __reduce__(self) -> tuple[type[Message], tuple[str]]:
+        return Message, (self.marked,)
+
+    def __add__(self, other: str, /) -> str:
+        return join("", (self, other))
+
+    def __radd__(self, other: str, /) -> str:
+        return join("", (other, self))
+
+    def replace(self, old: str, new: str, count: int = -1, /) -> str:  # type: ignore[override]
+        """Replace a placeholder such as `site=…` in the English text and in every translation."""
+        if count >= 0 or old not in self:
+            return self if old not in self else str.replace(self, old, new, count)
+        return Message(f"{self.marked}{OLD}{old}{NEW}{_MARK.sub('', new)}{END}")
+
+
+class _MarkedValue:
+    """A value that puts marks around itself when it is formatted."""
+
+    def __init__(self, value: object) -> None:
+        self._value = str(value) if isinstance(value, Exception) else value
+
+    def __format__(self, spec: str) -> str:
+        return self._mark(format(self._value, spec))
+
+    def __str__(self) -> str:
+        return self._mark(str(self._value))
+
+    def __repr__(self) -> str:
+        return self._mark(repr(self._value))
+
+    def _mark(self, text: str) -> str:
+        value = self._value
+        if isinstance(value, Message) and value in text:
+            return f"{MESSAGE}{str.replace(text, value, value.marked, 1)}{END}"
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return f"{NUMBER if is_number else TEXT}{_MARK.sub('', text)}{END}"
+
+
+def arg(value: object) -> _MarkedValue:
+    """Return a value for an f-string inside `msg(…)` or inside the text of an error."""
+    return _MarkedValue(value)
+
+
+def msg(text: str) -> str:
+    """Return the `Message` of an f-string whose values are in `arg(…)`, or of a text without values."""
+    return text if isinstance(text, Message) else Message(text)
+
+
+def join(separator: str, parts: Iterable[object]) -> str:
+    """Return texts joined to one `Message`; each is translated by itself."""
+    return Message(separator.join(str(_MarkedValue(part)) for part in parts))
+
+
+def parse(source: str) -> Iterator[tuple[str, str]]:
+    """Yield the parts of a marked text: the mark (empty for literal text) and what stands inside, with inner marks."""
+    kind, depth, at = "", 0, 0
+    for mark in _MARK.finditer(source):
+        before = depth
+        depth += (mark[0] < NEW) - (mark[0] == END and depth > 0)
+        if before + depth <= 1:  # begin, end, or a mark without a counterpart
+            yield kind, source[at : mark.start()]
+            kind, at = mark[0] if depth else "", mark.end()
+    yield kind, source[at:]
+
+
+def _text(source: str) -> str:
+    if OLD not in source:
+        return _MARK.sub("", source)
+    parts = list(parse(source))
+    text = "".join(_text(part) for mark, part in parts if mark != OLD)
+    for old, _, new in (part.partition(NEW) for mark, part in parts if mark == OLD):
+        text = text.replace(old, new)
+    return text
+
+
+def pack(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a JSON document with the marked texts of its messages beside them, for `unpack`."""
+    texts = dict.fromkeys(message.marked for message in _messages(document) if message.marked != message)
+    return {**document, **({"texts": list(texts)} if texts else {})}
+
+
+def unpack(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a document of `pack` with its messages where their texts stand."""
+    texts = {message: message for message in map(Message, document.get("texts", ()))}
+    return {name: _put_back(value, texts) for name, value in document.items() if name != "texts"}
+
+
+def _messages(value: object) -> Iterator[Message]:
+    if isinstance(value, Message):
+        yield value
+    elif isinstance(value, Mapping | list | tuple):
+        for item in value.values() if isinstance(value, Mapping) else value:
+            yield from _messages(item)
+
+
+def _put_back(value: Any, texts: Mapping[Any, Message]) -> Any:  # noqa: ANN401 - JSON of any shape
+    if isinstance(value, str):
+        return texts.get(value, value)
+    if isinstance(value, Mapping):
+        return {name: _put_back(entry, texts) for name, entry in value.items()}
+    return [_put_back(entry, texts) for entry in value] if isinstance(value, list) else value
