@@ -256,7 +256,7 @@ def _print(
         )
     )
     for name, traffic in costs.items():
-        price = f", {traffic.bill.money}" if traffic.link.is_metered else ""
+        price = msg(f", {arg(traffic.bill.money)}" if traffic.link.is_metered else "")
         month = size(traffic.month_bytes)
         print(
             translate(

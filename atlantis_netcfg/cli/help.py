@@ -14,7 +14,7 @@ from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load, summary_o
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -123,7 +123,7 @@ def word_text(word: syntax.Word) -> str:
     """Return the help text of an argument, with its choices unless its usage contains them."""
     text = translate(word.help)
     if word.choices and "|".join(word.choices) not in word.usage:
-        text += f": {', '.join(word.choices)}"
+        text += msg(f": {arg(join(', ', word.choices))}")
     return f"{text} ({translate('required')})" if word.is_required else text
 
 

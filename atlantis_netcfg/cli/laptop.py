@@ -150,7 +150,7 @@ def _end(diagnosis: Diagnosis, arguments: syntax.Arguments) -> Iterator[Row]:
     worst = diagnosis.worst_item
     counts = join(", ", (f"{number} {verdict}" for verdict, number in diagnosis.counts.items()))
     style = _verdict(worst).style if worst is not None else Style.GOOD
-    yield StyledText(str(diagnosis.verdict), style), f": {counts}"
+    yield StyledText(str(diagnosis.verdict), style), msg(f": {arg(counts)}")
     if worst is not None:
         yield from _wrap(f"{translate('worst:')} {translate(worst.name)}: {translate(worst.observation)}", 0)
         yield from _wrap(f"{translate('next:')}  {translate(worst.hint)}", 0) if worst.hint else ()

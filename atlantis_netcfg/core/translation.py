@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _PREFIX = re.compile(r"^ *(?:-> |\d+\. )?")
 """Indentation, and the prefix of a hint or of a list entry."""
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|\{(\w+)\}")
+_WORDS = re.compile(r"[a-z]{2} ?[a-z]")
 _COMMAND = re.compile(r"(?:^|: *)provision [a-z]")
 _PARSE = Formatter().parse
 _NUMBER_SIGNS = str.maketrans(".,", ",\N{NO-BREAK SPACE}")
@@ -76,10 +77,7 @@ class Translator:
             else:
                 lines[-1][1].append((mark, part))
                 lines[-1] = (f"{lines[-1][0]}{{}}", lines[-1][1])
-        if self._recognise is not None and not any(values for _, values in lines):
-            result = self._recognise("\n".join(line.replace("{{", "{").replace("}}", "}") for line, _ in lines))
-        else:
-            result = "\n".join(self._line(line, values) for line, values in lines)
+        result = "\n".join(self._line(line, values) for line, values in lines)
         for old, new in replacements:
             in_english = old in result
             result = result.replace(*((old, new) if in_english else (self.translate(old), self.translate(new))))
@@ -89,11 +87,15 @@ class Translator:
         """Translate a line; the blanks and the prefix around it are kept."""
         start = match.end() if (match := _PREFIX.match(line)) else 0
         text = line[start:].rstrip()
-        if "{" in text or "}" in text:
+        has_braces = "{" in text or "}" in text
+        if has_braces and (values or text in self._templates):
             names, template = self._templates.get(text, ((), text))
             text_in_language = self._fill(template, dict(zip(names, values, strict=False)), iter(values))
         else:
-            text_in_language = self._catalogue.get(text, text)
+            plain = text.replace("{{", "{").replace("}}", "}") if has_braces else text
+            text_in_language = "" if has_braces else self._catalogue.get(plain, "")
+            if not text_in_language:
+                text_in_language = self._recognise(plain) if self._recognise and _WORDS.search(plain) else plain
         return line[:start] + text_in_language + line[start + len(text) :]
 
     def _fill(self, template: str, by_name: Mapping[str, tuple[str, str]], rest: Iterator[tuple[str, str]]) -> str:

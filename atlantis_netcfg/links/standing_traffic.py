@@ -350,7 +350,7 @@ class StandingTraffic:
     def words(self) -> tuple[str, ...]:
         """The traffic as lines of text: `39.5 MB a day, 1186.2 MB a month …`."""
         parts = join(", ", (f"{flow.source} {size(round(flow.both))}" for flow in self.flows))
-        price = f": {self.bill.money}" if self.link.is_metered else ""
+        price = msg(f": {arg(self.bill.money)}" if self.link.is_metered else "")
         lines = [
             msg(
                 f"{arg(size(self.day_bytes))} per day, {arg(size(self.month_bytes))} per month while it carries the "

@@ -321,7 +321,7 @@ class RetrievalStatus:
         """Return one line of progress."""
         if self.state == "collecting":
             collected_files, files = self.answer.get("collected", 0), _files(int(self.answer.get("collect", 0)))
-            why = f": {self.answer['why']}" if self.answer.get("why") else ""
+            why = msg(f": {arg(self.answer['why'])}" if self.answer.get("why") else "")
             here = size(int(self.answer.get("collected_bytes", 0)))
             return msg(
                 f"collecting from {arg(self.source)}, {arg(collected_files)} of {arg(files)}, {arg(here)} on the "
@@ -329,7 +329,7 @@ class RetrievalStatus:
             )
         wire, files = size(int(self.answer["wire_bytes"])), self.answer.get("files", 0)
         over = msg(f" over {arg(self.answer['link'])}" if "link" in self.answer else "")
-        cost = f", {self.total_cost.money}" if self.link is not None and self.link.is_metered else ""
+        cost = msg(f", {arg(self.total_cost.money)}" if self.link is not None and self.link.is_metered else "")
         of = msg(
             f"{arg(self.answer.get('arrived', 0))} of {arg(_files(files))} complete, {arg(wire)} "
             f"sent{arg(over)}{arg(cost)}"

@@ -100,7 +100,7 @@ def parse(data: bytes) -> Log:
         entry = _entry(text) if is_intact else None
         if entry is None:
             device = _DEVICE.search(text)
-            host = f" ({device[1].decode(errors='replace')})" if device else ""
+            host = msg(f" ({arg(device[1].decode(errors='replace'))})" if device else "")
             damage.append(msg(f"line {arg(number)}{arg(host)} is damaged"))
         else:
             entries.append(entry)

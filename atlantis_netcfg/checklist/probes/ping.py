@@ -196,7 +196,7 @@ def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeR
     echoes = read_ping(answer.out, target.address)
     if echoes is None:
         lines = (answer.err or answer.out).strip().splitlines()
-        why = f": {lines[0][:120]}" if lines else ""
+        why = msg(f": {arg(lines[0][:120])}" if lines else "")
         message = msg(
             f"no ping was sent to {arg(target.name)} ({arg(target.address)}) from "
             f"{arg(base.PLACES[target.place])}{arg(why)}"
@@ -252,7 +252,7 @@ def odd_answers(who: str, echoes: Echoes) -> Iterator[LinkFinding]:
 def _loss(target: NeighbourPing, echoes: Echoes) -> LinkFinding:
     who = msg(f"{arg(target.name)} ({arg(target.address)})")
     if not echoes.received_count:
-        refusal_text = f"; {echoes.refusal}" if echoes.refusal else ""
+        refusal_text = msg(f"; {arg(echoes.refusal)}" if echoes.refusal else "")
         hint = "check that it is switched on, has this address, and is allowed to reply to pings"
         return LinkFinding(
             Verdict.FAIL,

@@ -357,7 +357,7 @@ def describe_drawing(document: Document) -> list[str]:
 
 
 def _with_comma(words: str) -> str:
-    return f", {words}" if words else ""
+    return msg(f", {arg(words)}" if words else "")
 
 
 def _group(root: ET.Element, state: signs.ShownState | None, kind: str) -> ET.Element:

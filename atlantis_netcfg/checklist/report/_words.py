@@ -134,8 +134,8 @@ def signature_line(document: Document) -> str:
 
 def evidence_type(evidence: Evidence, say: Say, zone: str) -> str:
     """Format the type of evidence, with person and time."""
-    by = f", {evidence.by}" if evidence.by is not None else ""
-    at = f", {time_text(evidence.at, zone)}" if evidence.at is not None else ""
+    by = msg(f", {arg(evidence.by)}" if evidence.by is not None else "")
+    at = msg(f", {arg(time_text(evidence.at, zone))}" if evidence.at is not None else "")
     return f"{say(_texts.EVIDENCE[evidence.type])}{by}{at}"
 
 

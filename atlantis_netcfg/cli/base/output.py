@@ -164,7 +164,7 @@ def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
     for message, hint in errors:
         lines = [*translate(message).splitlines(), *(translate(hint).splitlines() if hint else ())]
         rows: list[printable.Row] = [
-            (StyledText(f"{label}: ", Style.BAD), text) if place == 0 else f"{'':<{indent}}{text}"
+            (StyledText(msg(f"{arg(label)}: "), Style.BAD), text) if place == 0 else f"{'':<{indent}}{text}"
             for place, text in enumerate(map(printable.line, lines))
         ]
         width = width_of(sys.stderr)
@@ -310,7 +310,7 @@ def _reminder(at_work: list[tuple[events.Event, float]], age_s: float) -> str:
     if more := len(at_work) - len(names):
         names.append(translate(f"{arg(more)} more"))
     words = translate(f"still running, no news for {arg(age_s):.0f} s")
-    return f"  {words}" + (f": {', '.join(names)}" if names else "")
+    return f"  {words}" + msg(f": {arg(join(', ', names))}" if names else "")
 
 
 @contextmanager

@@ -79,7 +79,7 @@ def vault_of(arguments: syntax.Arguments) -> Vault:
 
 
 def _vault_password(vault_id: str) -> Secret:
-    suffix = "" if vault_id == "default" else f" ({vault_id})"
+    suffix = msg("" if vault_id == "default" else f" ({arg(vault_id)})")
     return _read_secret(msg(f"Password of the inventory vault{arg(suffix)}: "))
 
 

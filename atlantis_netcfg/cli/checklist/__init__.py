@@ -174,7 +174,7 @@ def _state_text(row: Mapping[str, Any]) -> str:
             f"{arg(time_text(datetime.fromisoformat(row['signed_at']), row['time_zone']))}"
         )
     waiting = msg(f", {arg(row['open'])} items open" if row["open"] else "")
-    why = f": {row['why']}" if row["why"] else ""
+    why = msg(f": {arg(row['why'])}" if row["why"] else "")
     return msg(f"{arg(row['state'])}{arg(waiting)}{arg(why)}, not signed")
 
 

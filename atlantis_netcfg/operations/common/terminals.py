@@ -144,7 +144,7 @@ def _host_result(result: TerminalResult) -> dict[str, Any]:
 
 
 def _finding_text(finding: LinkFinding) -> str:
-    hint = f" ({finding.hint})" if finding.hint else ""
+    hint = msg(f" ({arg(finding.hint)})" if finding.hint else "")
     return msg(f"{arg(finding.verdict)}: {arg(finding.message)}{arg(hint)}")
 
 

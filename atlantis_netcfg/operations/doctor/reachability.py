@@ -116,7 +116,7 @@ def judge_ports(facts: NetworkFacts) -> DoctorItem:
 
 
 def _describe(port: LaptopPort) -> str:
-    addresses = f" ({', '.join(map(str, port.addresses))})" if port.addresses else ""
+    addresses = msg(f" ({arg(join(', ', map(str, port.addresses)))})" if port.addresses else "")
     if not port.up:
         return msg(f"{arg(port.name)} is disabled{arg(addresses)}")
     return msg(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Subscriber, Verdict
-from atlantis_netcfg.core.messages import arg
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
@@ -253,7 +253,7 @@ class LteResult:
 
 def words(finding: LinkFinding) -> str:
     """Format a finding as a note: `WARN: ... (...)`; without verdict if it passes."""
-    verdict = "" if finding.verdict is Verdict.PASS else f"{finding.verdict}: "
+    verdict = msg("" if finding.verdict is Verdict.PASS else f"{arg(finding.verdict)}: ")
     return f"{verdict}{finding.message}{f' ({finding.hint})' if finding.hint else ''}"
 
 

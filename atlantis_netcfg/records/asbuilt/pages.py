@@ -187,7 +187,7 @@ def _device(device: DeviceRecord, zone: str) -> Iterator[printable.Row]:
     kind = translate(device.kind.replace("_", " "))
     yield (
         printable.StyledText(device.name, printable.Style.TITLE),
-        f": {kind}, ",
+        msg(f": {arg(kind)}, "),
         printable.StyledText(word, _STYLES.get(device.state, printable.Style.QUIET)),
     )
     for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):

@@ -308,7 +308,7 @@ def _package_differences(now: DeviceRecord, before: DeviceRecord) -> Iterator[_D
 def neighbour_text(neighbour: PortNeighbour) -> str:
     """Return a neighbour as text, as far as it is known."""
     words = [neighbour.mac, *(item for item in (neighbour.address, neighbour.name) if item)]
-    return " ".join(words) + (f" ({neighbour.declared})" if neighbour.declared else "")
+    return " ".join(words) + msg(f" ({arg(neighbour.declared)})" if neighbour.declared else "")
 
 
 _TITLES = {

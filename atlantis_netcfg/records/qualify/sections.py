@@ -152,7 +152,7 @@ def _path_section(record: QualifyRecord) -> PageSection:
         )
         for item in run.counts
     )
-    why = f": {run.way_reason}" if run.way_reason else ""
+    why = msg(f": {arg(run.way_reason)}" if run.way_reason else "")
     notes = [f"{run.way.value}{why}"]
     if rows:
         whose = "this computer's tunnel" if run.far_end.over_vpn else "this run"
@@ -260,7 +260,7 @@ def _load(record: QualifyRecord) -> PageSection:
         )
         for row in record.load
     )
-    why = f" ({run.path_mtu_reason})" if run.path_mtu_reason else ""
+    why = msg(f" ({arg(run.path_mtu_reason)})" if run.path_mtu_reason else "")
     path_mtus = (run.path_mtu_up, run.path_mtu_both)
     mtu = msg(f"Path MTU: up {arg(_octets(path_mtus[0]))}, both ways {arg(_octets(path_mtus[1]))}{arg(why)}.")
     doubts = [

@@ -192,7 +192,7 @@ def _category_layer(survey: Survey, frame: MapFrame, name: str, title: str) -> V
 
 def _mark(frame: MapFrame, point: SurveyPoint, band: int | None, words: str) -> TrackMark:
     x, y = frame.to_sheet(*(point.position or (0.0, 0.0)))
-    place = f"{point.place}, " if point.place else ""
+    place = msg(f"{arg(point.place)}, " if point.place else "")
     return TrackMark(
         x, y, band, f"{translate('point')} {point.number}, {place}{point.at:%H:%M:%S} UTC: {translate(words)}"
     )

@@ -175,7 +175,7 @@ def difference_lines(
 
 
 def _owner(difference: Mapping[str, Any]) -> str:
-    mark = f" ({difference['mark']})" if difference["mark"] and not difference["row"] else ""
+    mark = msg(f" ({arg(difference['mark'])})" if difference["mark"] and not difference["row"] else "")
     return f"{difference['owner']}{mark}"
 
 

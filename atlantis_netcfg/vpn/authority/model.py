@@ -176,7 +176,7 @@ def os_errors_as(what: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        where = f" ({error.filename})" if error.filename else ""
+        where = msg(f" ({arg(error.filename)})" if error.filename else "")
         raise AuthorityError(
             f"{arg(what)}: {arg(error.strerror or error)}{arg(where)}",
             hint="free disk space or correct the permissions, then run the same command again",

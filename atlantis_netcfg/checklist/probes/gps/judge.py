@@ -445,7 +445,7 @@ _READ, _MEASUREMENT, _INVENTORY = EvidenceType.READ, EvidenceType.MEASURED, Evid
 def evidence(reception: record.Reception, expectation: record.GpsExpectation) -> tuple[Evidence, ...]:
     """Return source, position, fix, age, clock, number of reports, and the geofence."""
     version = f" {reception.version}" if reception.version else ""
-    device = f", {reception.device}" if reception.device else ""
+    device = msg(f", {arg(reception.device)}" if reception.device else "")
     source = expectation.source.replace("gpsd", f"gpsd{version}", 1) + device
     items = [Evidence(type=_READ, what="source", value=source)]
     if reception.others:

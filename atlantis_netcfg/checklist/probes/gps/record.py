@@ -196,7 +196,7 @@ _STREAM = "read from the program that has it open: set `driver: gpsd` or `nmea_t
 
 def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) -> LinkFinding:
     """Return the finding for a stream that could not be read."""
-    text = f": {words}" if words else ""
+    text = msg(f": {arg(words)}" if words else "")
     return {
         Trouble.NO_PLACE: lambda: LinkFinding(
             _INCONCLUSIVE,

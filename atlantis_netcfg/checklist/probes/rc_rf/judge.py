@@ -284,7 +284,7 @@ def _silent(stream: Stream, expectation: RcExpectation) -> LinkFinding:
 
 
 def _not_listened_finding(answer: Transcript, expectation: RcExpectation) -> LinkFinding:
-    text = f": {answer.words}" if answer.words else ""
+    text = msg(f": {arg(answer.words)}" if answer.words else "")
     if answer.trouble is Trouble.NO_PLACE:
         message = msg(f"{arg(expectation.name)} was not checked: {arg(expectation.place)} was not reachable{arg(text)}")
         return LinkFinding(

@@ -58,7 +58,7 @@ class _LinkQualificationCheck:
     def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         answer = results["record"]
         if not isinstance(answer, base.LinkRecordResult) or answer.trouble is not None or answer.now is None:
-            why = f": {answer.words}" if isinstance(answer, base.LinkRecordResult) and answer.words else ""
+            why = msg(f": {arg(answer.words)}" if isinstance(answer, base.LinkRecordResult) and answer.words else "")
             hint = msg(f"check `provision measure history site={arg(self.site.name)} link={arg(self.link.name)}`")
             return base.ProbeResult(
                 (
@@ -86,7 +86,7 @@ class _LinkQualificationCheck:
         again = msg(f"`provision measure link site={arg(self.site.name)} link={arg(self.link.name)}` measures it")
         failed_criteria = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
         open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
-        why = f": {run.way_reason}" if run.way_reason else ""
+        why = msg(f": {arg(run.way_reason)}" if run.way_reason else "")
         if failed_criteria:
             message = msg(
                 f"{arg(name)} does not meet `{arg(record.thresholds_name)}`: {arg(parse.join_words(failed_criteria))}"

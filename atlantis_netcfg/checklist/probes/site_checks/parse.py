@@ -165,7 +165,7 @@ def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[st
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
     if answer.rows is None:
-        text = f": {answer.words}" if answer.words else ""
+        text = msg(f": {arg(answer.words)}" if answer.words else "")
         hint = msg(f"this RouterOS version may not support it: check {arg(who)} manually")
         return unknown("refused", msg(f"{arg(who)} does not report {arg(what)}{arg(text)}"), hint)
     if answer.rows and not any(key in row for row in answer.rows):

@@ -401,7 +401,7 @@ def _target(row: Mapping[str, str]) -> tuple[str, str, str]:
 
 def _target_text(target: tuple[str, str, str]) -> str:
     address, port, protocol = target
-    return address + msg(f" port {arg(port)}" if port else "") + (f" ({protocol})" if protocol else "")
+    return address + msg(f" port {arg(port)}" if port else "") + msg(f" ({arg(protocol)})" if protocol else "")
 
 
 _HOLDS = frozenset(
