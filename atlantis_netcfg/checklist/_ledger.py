@@ -30,7 +30,7 @@ from atlantis_netcfg import runs
 from atlantis_netcfg.checklist import _signing
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, msg, pack, unpack
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -125,7 +125,7 @@ def read(path: Path) -> Lines:
 def _record(line: bytes, before: str) -> ChecklistEntry | str:
     """Parse a line's record; return an error message if the line is invalid."""
     try:
-        data = _signing.parse_json(line)
+        data = unpack(_signing.parse_json(line))
         at, follows = datetime.fromisoformat(data.pop("at")), data.pop("before")
         record = _RECORDS.validate_python(data)
     except (ValueError, ValidationError, KeyError, TypeError, AttributeError):
@@ -165,7 +165,8 @@ class ChecklistLog(EventLog):
 
     def _line(self, record: ChecklistBegun | ReopenedRecord | RecordedResult | SupersedeResultRecord) -> bytes:
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
-        data = head | _RECORDS.dump_python(record, mode="json")
+        texts = pack({"record": record})
+        data = head | _RECORDS.dump_python(record, mode="json") | {key: texts[key] for key in texts if key == "texts"}
         return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(errors="replace")
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli.base import commands, output
 from atlantis_netcfg.core import processes
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.language import as_typed
 from atlantis_netcfg.core.printable import ASCII, Printer
 from atlantis_netcfg.core.processes import stop_signals
 
@@ -135,7 +135,7 @@ class _CommandLine:
         from atlantis_netcfg.cli.help import overview
 
         has_words = bool(self.command_line)
-        print(translate(overview(self.table)), file=sys.stdout if has_words else sys.stderr)
+        print(as_typed(overview(self.table)), file=sys.stdout if has_words else sys.stderr)
         return ExitCode.DONE if has_words else ExitCode.USAGE
 
 
@@ -168,7 +168,7 @@ def _print_candidates(command_line: Sequence[str], table: Mapping[str, str]) -> 
 def _print_help(command: CommandSpec, table: Mapping[str, str]) -> ExitCode:
     from atlantis_netcfg.cli.help import of_command
 
-    print(translate(of_command(command, table)))
+    print(as_typed(of_command(command, table)))
     return ExitCode.DONE
 
 

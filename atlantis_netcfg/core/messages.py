@@ -128,6 +128,8 @@ def unpack(document: Mapping[str, Any]) -> dict[str, Any]:
 def _messages(value: object) -> Iterator[Message]:
     if isinstance(value, Message):
         yield value
+    elif hasattr(type(value), "model_fields"):
+        yield from _messages(vars(value))
     elif isinstance(value, Mapping | list | tuple):
         for item in value.values() if isinstance(value, Mapping) else value:
             yield from _messages(item)

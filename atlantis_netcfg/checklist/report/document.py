@@ -4,17 +4,27 @@ from __future__ import annotations
 
 from datetime import datetime
 from enum import StrEnum
-from typing import Literal
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, model_validator
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict, worst
+from atlantis_netcfg.core.messages import Message
 from atlantis_netcfg.inventory.model import Phase
 
 
 class _Data(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keep_messages(cls, data: Any, build: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401 - unchecked yet
+        """Keep the values of messages; pydantic makes plain text of them."""
+        model = build(data)
+        if isinstance(data, dict):
+            model.__dict__.update({name: value for name, value in data.items() if isinstance(value, Message)})
+        return model
 
 
 class ItemKind(StrEnum):

@@ -3,12 +3,14 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import checklist_example as made
 import pytest
 from checklist_html import Element, parsed, safe
 from checklist_marks import marked, rest_of, without_marks
 
+from atlantis_netcfg.checklist._ledger import ChecklistLog, RecordedResult, read
 from atlantis_netcfg.checklist.report import Document, Evidence, EvidenceType, lines
 from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.checklist.report._pages import html
@@ -16,6 +18,7 @@ from atlantis_netcfg.checklist.report._pdf import pdf
 from atlantis_netcfg.checklist.report._pdf._sheet import _all_glyphs
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import Message, arg, msg
 from atlantis_netcfg.runs.report.signs import ShownState
 
 SAID = "value `x` of a device"
@@ -131,3 +134,17 @@ def test_missing_translation_would_be_detected() -> None:
     with pytest.raises(AssertionError, match="twice"):
         without_marks("«a «b» c»")
     assert "atlantis_netcfg.checklist.report._pages" in sys.modules
+
+
+def test_a_message_of_a_stored_checklist_keeps_its_values(tmp_path: Path) -> None:
+    """The page and the summary of a checklist are shown in the language of their reader."""
+    message = msg(f"{arg(3)} of {arg(4)} modems respond")
+    settled = made.item("sparus/usbl", message=message)
+    assert settled.message is message
+    with ChecklistLog(tmp_path / "log") as log:
+        log.write(RecordedResult(record="settled", item=settled))
+    record = read(tmp_path / "log").records[0].record
+    assert isinstance(record, RecordedResult)
+    assert record.item == settled
+    assert isinstance(record.item.message, Message)
+    assert record.item.message.marked == f"{arg(3)} of {arg(4)} modems respond"
