@@ -261,8 +261,8 @@ class Summary:
 
     def _counts(self) -> str:
         count_by_end = Counter(self.endings.values())
-        shown = [how for how in DeviceEnd if how in ALWAYS or count_by_end[how]]
-        parts = [translate(f"{arg(count_by_end[how])} {how}") for how in shown]
+        present_ends = [how for how in DeviceEnd if how in ALWAYS or count_by_end[how]]
+        parts = [translate(f"{arg(count_by_end[how])} {how}") for how in present_ends]
         if self.warned_devices:
             parts.append(translate(f"{arg(len(self.warned_devices))} with a warning"))
         return msg(f"{arg(len(self.endings))}: {arg(join(', ', parts))}")
