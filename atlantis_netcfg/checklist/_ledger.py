@@ -30,7 +30,8 @@ from atlantis_netcfg import runs
 from atlantis_netcfg.checklist import _signing
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.core.messages import arg, msg, pack, unpack
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.stored_messages import pack, unpack
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

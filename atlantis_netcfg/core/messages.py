@@ -8,8 +8,7 @@ A message is its English text for every program: comparisons, JSON, journals and
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -22,15 +21,15 @@ _MARK = re.compile(f"[{TEXT}-{END}]")
 
 
 class Message(str):
-    """An English text; `marked` is the same text with marks around its values."""
+    """An English text; `source` is the same text with marks around its values."""
 
-    __slots__ = ("marked",)
-    marked: str
+    __slots__ = ("source",)
+    source: str
 
     def __new__(cls, source: str) -> Self:
         """Make a message of a text with marks; all else is in the text."""
         message = super().__new__(cls, _text(source))
-        message.marked = source
+        message.source = source
         return message
 
     def __str__(self) -> str:
@@ -38,7 +37,7 @@ class Message(str):
         return self
 
     def __reduce__(self) -> tuple[type[Message], tuple[str]]:
-        return Message, (self.marked,)
+        return Message, (self.source,)
 
     def __add__(self, other: str, /) -> str:
         return join("", (self, other))
@@ -50,7 +49,7 @@ class Message(str):
         """Replace a placeholder such as `site=…` in the English text and in every translation."""
         if count >= 0 or old not in self:
             return self if old not in self else str.replace(self, old, new, count)
-        return Message(f"{self.marked}{OLD}{old}{NEW}{_MARK.sub('', new)}{END}")
+        return Message(f"{self.source}{OLD}{old}{NEW}{_MARK.sub('', new)}{END}")
 
 
 class _MarkedValue:
@@ -71,7 +70,7 @@ class _MarkedValue:
     def _mark(self, text: str) -> str:
         value = self._value
         if isinstance(value, Message) and value in text:
-            return f"{MESSAGE}{str.replace(text, value, value.marked, 1)}{END}"
+            return f"{MESSAGE}{str.replace(text, value, value.source, 1)}{END}"
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         return f"{NUMBER if is_number else TEXT}{_MARK.sub('', text)}{END}"
 
@@ -111,33 +110,3 @@ def _text(source: str) -> str:
     for old, _, new in (part.partition(NEW) for mark, part in parts if mark == OLD):
         text = text.replace(old, new)
     return text
-
-
-def pack(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a JSON document with the marked texts of its messages beside them, for `unpack`."""
-    texts = dict.fromkeys(message.marked for message in _messages(document) if message.marked != message)
-    return {**document, **({"texts": list(texts)} if texts else {})}
-
-
-def unpack(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a document of `pack` with its messages where their texts stand."""
-    texts = {message: message for message in map(Message, document.get("texts", ()))}
-    return {name: _put_back(value, texts) for name, value in document.items() if name != "texts"}
-
-
-def _messages(value: object) -> Iterator[Message]:
-    if isinstance(value, Message):
-        yield value
-    elif hasattr(type(value), "model_fields"):
-        yield from _messages(vars(value))
-    elif isinstance(value, Mapping | list | tuple):
-        for item in value.values() if isinstance(value, Mapping) else value:
-            yield from _messages(item)
-
-
-def _put_back(value: Any, texts: Mapping[Any, Message]) -> Any:  # noqa: ANN401 - JSON of any shape
-    if isinstance(value, str):
-        return texts.get(value, value)
-    if isinstance(value, Mapping):
-        return {name: _put_back(entry, texts) for name, entry in value.items()}
-    return [_put_back(entry, texts) for entry in value] if isinstance(value, list) else value

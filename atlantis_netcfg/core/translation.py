@@ -64,7 +64,7 @@ class Translator:
 
     def translate(self, text: str) -> str:
         """Return the text in this language; what is missing in the catalogue stays in English."""
-        source = text.marked if isinstance(text, messages.Message) else text
+        source = text.source if isinstance(text, messages.Message) else text
         lines: list[tuple[str, list[tuple[str, str]]]] = [("", [])]
         replacements = []
         for mark, part in messages.parse(source):

@@ -15,7 +15,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.core.messages import arg, msg, pack, unpack
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.stored_messages import pack, unpack
 from atlantis_netcfg.runs import files
 from atlantis_netcfg.runs.records import Record, StateBackup, StateConfirmation
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
-from atlantis_netcfg.core import errors, events, messages, paths
+from atlantis_netcfg.core import errors, events, paths, stored_messages
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.operations.common import play_control
 from atlantis_netcfg.operations.common.request import share_inventory
@@ -250,7 +250,7 @@ class _EventListener:
             if not line.strip():
                 return
             try:
-                message = messages.unpack(json.loads(line))
+                message = stored_messages.unpack(json.loads(line))
             except ValueError:
                 continue  # whoever wrote it was killed in the middle
             try:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from atlantis_netcfg.core import errors, messages
+from atlantis_netcfg.core import errors, stored_messages
 from atlantis_netcfg.core.crash_report import report_crash
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.paths import require_own, state_dir
@@ -219,7 +219,7 @@ class EventStream:
     def _send(self, data: Mapping[str, Any]) -> None:
         if self._descriptor is None:
             return
-        line = json.dumps(messages.pack(data), ensure_ascii=False) + "\n"  # bytes that are no text arrive as `?`
+        line = json.dumps(stored_messages.pack(data), ensure_ascii=False) + "\n"  # bytes that are no text arrive as `?`
         rest = memoryview(line.encode(errors="replace"))
         with suppress(BrokenPipeError):
             while rest:

@@ -12,7 +12,8 @@ import pytest
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError, fill_hint
 from atlantis_netcfg.core.language import Language
-from atlantis_netcfg.core.messages import Message, arg, join, msg, pack, unpack
+from atlantis_netcfg.core.messages import Message, arg, join, msg
+from atlantis_netcfg.core.stored_messages import pack, unpack
 from atlantis_netcfg.core.translation import Translator
 
 CATALOGUE = {
@@ -48,7 +49,7 @@ def loss(name: str, reason: object) -> str:
 
 def marked(text: str) -> str:
     assert isinstance(text, Message)
-    return text.marked
+    return text.source
 
 
 def test_a_message_is_its_english_text() -> None:

@@ -147,4 +147,4 @@ def test_a_message_of_a_stored_checklist_keeps_its_values(tmp_path: Path) -> Non
     assert isinstance(record, RecordedResult)
     assert record.item == settled
     assert isinstance(record.item.message, Message)
-    assert record.item.message.marked == f"{arg(3)} of {arg(4)} modems respond"
+    assert record.item.message.source == f"{arg(3)} of {arg(4)} modems respond"

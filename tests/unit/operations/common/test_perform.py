@@ -95,9 +95,9 @@ def test_messages_keep_their_ids_on_the_way_to_the_command() -> None:
         listener.refusal.hint,
     ]
     assert texts == ["3 changes left", "cpe: done", "cpe is gone", "look at site=scc"]
-    assert [text.marked for text in texts if isinstance(text, Message)] == [
+    assert [text.source for text in texts if isinstance(text, Message)] == [
         f"{arg(3)} changes left",
         f"{arg('cpe')}: done",
         f"{arg('cpe')} is gone",
-        fill_hint("look at site=…", site="scc").marked,  # type: ignore[attr-defined]
+        fill_hint("look at site=…", site="scc").source,  # type: ignore[attr-defined]
     ]

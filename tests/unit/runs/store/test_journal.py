@@ -516,4 +516,4 @@ def test_a_message_read_back_from_the_journal_keeps_its_values(store: Store) -> 
     assert record == outcome
     assert isinstance(record, Outcome)
     assert isinstance(record.message, Message)
-    assert record.message.marked == f"{arg(2)} of {arg(3)} changes are left on {arg('router')}"
+    assert record.message.source == f"{arg(2)} of {arg(3)} changes are left on {arg('router')}"
