@@ -140,6 +140,7 @@ MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
 MADE = (
     "not root",
+    "infrastructure",
     "the modem of {name} is listening",
     "{who} is transmitting",
     "{who} is receiving",
@@ -408,8 +409,12 @@ class _Reader(ast.NodeVisitor):
         """What is compared is data."""
 
     def visit_Subscript(self, node: ast.Subscript) -> None:
-        """Go past keys and types."""
+        """Go past keys and types, but not past the errors of a type's own syntax."""
         self.visit(node.value)
+        if _last_name(node.value) == "Annotated":
+            for part in ast.walk(node.slice):
+                if isinstance(part, ast.Call) and _last_name(part.func) == "matching":
+                    self.visit(part)
 
     def visit_MatchValue(self, node: ast.MatchValue) -> None:
         """What is compared is data."""

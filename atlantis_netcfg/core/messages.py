@@ -53,10 +53,11 @@ class Message(str):
 
 
 class _MarkedValue:
-    """A value that puts marks around itself when it is formatted."""
+    """A value that puts marks around itself when it is formatted; what is shown as a message is that message."""
 
     def __init__(self, value: object) -> None:
-        self._value = str(value) if isinstance(value, Exception) else value
+        text = str(value)
+        self._value = text if isinstance(value, Exception) or isinstance(text, Message) else value
 
     def __format__(self, spec: str) -> str:
         return self._mark(format(self._value, spec))

@@ -96,7 +96,7 @@ def expected_type(annotation: Any) -> str:  # noqa: ANN401 - as above
     if (item := item_of(plain)) is not None:
         inner = model_of(item)
         return "a list: [" + ("{…}, {…}" if inner is not None else "…, …") + "]"
-    return _PLAIN.get(plain, "one line of text")
+    return _PLAIN.get(plain) or "one line of text"
 
 
 _PLAIN: dict[Any, str] = {
@@ -160,13 +160,13 @@ def _explain_value(error: ErrorDetails, node: Node, field: Any, label: str) -> t
     if error["type"] == WRONG:
         return str(error["ctx"]["what"]), str(error["ctx"]["hint"])
     if what := _wrong_shape(error, node):
-        return f"{label} {what}", msg(f"write {arg(expected_type(field))}")
+        return msg(f"{arg(label)} {arg(what)}"), msg(f"write {arg(expected_type(field))}")
     if (what := _misread(node)) and error["type"] in _TEXTUAL:
         return _explain_unquoted(node, field, label, what)
     words = _WORDS.get(error["type"])
     if words is not None:
         return words(label, node, error.get("ctx", {}), field)
-    return f"{label} {FALLBACK}", msg(f"write {arg(expected_type(field))}")
+    return msg(f"{arg(label)} {arg(FALLBACK)}"), msg(f"write {arg(expected_type(field))}")
 
 
 def _wrong_shape(error: ErrorDetails, node: Node) -> str:

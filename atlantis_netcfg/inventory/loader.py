@@ -630,7 +630,8 @@ def _one_closed(findings: list[Finding]) -> list[Finding]:
     if len(secret_findings) < 2:  # noqa: PLR2004 - one is told as it is
         return findings
     first = replace(
-        secret_findings[0], message=f"{_yaml.CANNOT_DECRYPT}, nor {len(secret_findings) - 1} more of the inventory"
+        secret_findings[0],
+        message=msg(f"{arg(_yaml.CANNOT_DECRYPT)}, nor {arg(len(secret_findings) - 1)} more of the inventory"),
     )
     return [
         first if finding is secret_findings[0] else finding

@@ -15,6 +15,7 @@ from typing import TypedDict
 import yaml
 
 from atlantis_netcfg.core.errors import NoMatchError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import load as loaded
 from atlantis_netcfg.inventory import report, validate
 from atlantis_netcfg.operations.common.traffic_budget import inventory_warnings
@@ -101,7 +102,7 @@ def told() -> str:
         warnings = () if findings else inventory_warnings(loaded(Path("inventory"), decrypt=opened))
         return (report(findings) if findings else report(warnings, warnings=True)) + "\n"
     except NoMatchError as error:
-        return f"{error}\n  -> {error.hint}\n"
+        return msg(f"{arg(error)}\n  -> {arg(error.hint)}\n")
 
 
 def _regenerate() -> None:

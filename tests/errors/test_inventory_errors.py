@@ -1,18 +1,41 @@
+import contextlib
+import re
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import inventory_cases
 import pytest
+from english_words import english_parts, without_names
 from row_subtests import for_each_row
 
+from atlantis_netcfg.core import language
 from atlantis_netcfg.inventory import InventoryInvalid, load, validate
 from atlantis_netcfg.inventory._schema import FALLBACK
 
+KEPT = re.compile(r"\{[^}]*\}|(?<=controlador )at$", re.MULTILINE)
+"""What stays as it is: a line of YAML to write, and `at`, the name of a driver."""
+Case = tuple[Path, str]
 
-@pytest.mark.parametrize("path", inventory_cases.cases(), ids=lambda path: path.stem)
-def test_findings_match_the_recorded_text(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    inventory_cases.spoil(inventory_cases.load(path), tmp_path)
-    monkeypatch.chdir(tmp_path)
-    assert inventory_cases.told() == path.with_suffix(".txt").read_text(encoding="utf-8")
+
+@pytest.fixture(scope="module", params=inventory_cases.cases(), ids=lambda path: path.stem)
+def case(request: pytest.FixtureRequest) -> Case:
+    path: Path = request.param
+    with TemporaryDirectory() as folder, contextlib.chdir(folder):
+        inventory_cases.spoil(inventory_cases.load(path), Path(folder))
+        return path, inventory_cases.told()
+
+
+def test_findings_match_the_recorded_text(case: Case) -> None:
+    path, text = case
+    assert text == path.with_suffix(".txt").read_text(encoding="utf-8")
+
+
+def test_findings_in_portuguese_have_no_english_word(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, text = case
+    monkeypatch.setattr(language, "_current_language", language.Language.PORTUGUESE)
+    translation = language.translate(text)
+    assert translation != text
+    assert english_parts(KEPT.sub("…", without_names(translation))) == []
 
 
 def test_at_least_60_cases_exist() -> None:

@@ -29,9 +29,7 @@ class RetrievalPriority(StrEnum):
 
 RobotFolder = Annotated[
     str,
-    matching(
-        _ROBOT_FOLDER, lambda text: _base.wrong(f"`{text}` is no folder", "its whole path, like /home/robot/bags")
-    ),
+    matching(_ROBOT_FOLDER, "is no folder", "its whole path, like /home/robot/bags"),
     _base.text_like(_ROBOT_FOLDER),
 ]
 """On a computer that is not ours."""

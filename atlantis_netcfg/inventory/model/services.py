@@ -8,17 +8,12 @@ from __future__ import annotations
 import re
 from enum import StrEnum
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field, StrictInt
 
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import _base
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pydantic_core import PydanticCustomError
 
 
 def _command(value: object) -> str:
@@ -31,13 +26,13 @@ def _command(value: object) -> str:
     return text
 
 
-def matching(pattern: str, build_error: Callable[[str], PydanticCustomError]) -> BeforeValidator:
-    """Build a validator for texts that match a pattern."""
+def matching(pattern: str, what: str, hint: str) -> BeforeValidator:
+    """Build a validator for texts that match a pattern; `what` says of another text what is wrong with it."""
 
     def validate(value: object) -> str:
         text = _base.plain(value)
         if ".." in text or not re.fullmatch(pattern.strip("^$"), text):
-            raise build_error(text)
+            raise _base.wrong(msg(f"`{arg(text)}` {arg(what)}"), hint)
         return text
 
     return BeforeValidator(validate)
@@ -65,65 +60,37 @@ _TOPIC = "^(/[A-Za-z_][A-Za-z0-9_]*)+$"
 _FOLDER = r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$"
 Topic = Annotated[
     str,
-    matching(
-        _TOPIC, lambda text: _base.wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")
-    ),
+    matching(_TOPIC, "is no topic of ROS 2", "its whole name, like /girona500/pose"),
     _base.text_like(_TOPIC),
 ]
 DataFolder = Annotated[
     str,
-    matching(
-        _FOLDER,
-        lambda text: _base.wrong(
-            f"`{text}` is no folder for a service's data", "its whole path below /srv, /var/lib or /mnt"
-        ),
-    ),
+    matching(_FOLDER, "is no folder for a service's data", "its whole path below /srv, /var/lib or /mnt"),
     _base.text_like(_FOLDER),
 ]
 ArchiveName = Annotated[
     str,
-    matching(
-        _ARCHIVE,
-        lambda text: _base.wrong(
-            f"`{text}` is no name of a file", "a file in `images` of the inventory, like backend.tar"
-        ),
-    ),
+    matching(_ARCHIVE, "is no name of a file", "a file in `images` of the inventory, like backend.tar"),
     _base.text_like(_ARCHIVE),
 ]
 ContainerPath = Annotated[
     str,
-    matching(
-        _INSIDE,
-        lambda text: _base.wrong(
-            f"`{text}` is no place in a container", "like /data, or below /home, /mnt, /opt, /srv or /var"
-        ),
-    ),
+    matching(_INSIDE, "is no place in a container", "like /data, or below /home, /mnt, /opt, /srv or /var"),
     _base.text_like(_INSIDE),
 ]
 VariableName = Annotated[
     str,
-    matching(
-        _VARIABLE,
-        lambda text: _base.wrong(f"`{text}` is no name of a variable", "capitals, digits and _, like POSTGRES_DB"),
-    ),
+    matching(_VARIABLE, "is no name of a variable", "capitals, digits and _, like POSTGRES_DB"),
     _base.text_like(_VARIABLE),
 ]
 Arguments = Annotated[
     str,
-    matching(
-        _ARGUMENTS,
-        lambda text: _base.wrong(
-            f"`{text}` is no line of arguments", "words without quotation marks, like --port 18082"
-        ),
-    ),
+    matching(_ARGUMENTS, "is no line of arguments", "words without quotation marks, like --port 18082"),
     _base.text_like(_ARGUMENTS),
 ]
 MessageType = Annotated[
     str,
-    matching(
-        _MESSAGE_TYPE,
-        lambda text: _base.wrong(f"`{text}` is no type of ROS 2", "package, msg and name, like std_msgs/msg/String"),
-    ),
+    matching(_MESSAGE_TYPE, "is no type of ROS 2", "package, msg and name, like std_msgs/msg/String"),
     _base.text_like(_MESSAGE_TYPE),
 ]
 

@@ -63,7 +63,7 @@ def peers_once(draft: _draft.Draft) -> Iterator[Finding]:
         if peer.address in owner_by_address:
             message = msg(f"{arg(peer.address)} is already {arg(owner_by_address[peer.address])}")
             yield draft.finding_at(_PILOT, ("dds", "peers", index, "address"), message, "remove this peer")
-        owner_by_address.setdefault(peer.address, f"the peer `{peer.name}`")
+        owner_by_address.setdefault(peer.address, msg(f"the peer `{arg(peer.name)}`"))
 
 
 def peers_at_known_sites(draft: _draft.Draft) -> Iterator[Finding]:

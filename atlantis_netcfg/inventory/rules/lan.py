@@ -112,9 +112,9 @@ def reservations_of_hosts(draft: _draft.Draft) -> Iterator[Finding]:
             if device.mac is not None and device.mac != reservation.mac:
                 message = msg(
                     f"`{arg(reservation.name)}` is reserved for {arg(reservation.mac)}, but "
-                    f"{arg(draft.where(of_host, 'mac'))} says"
+                    f"{arg(draft.where(of_host, 'mac'))} says {arg(device.mac)}"
                 )
-                yield draft.finding_at(part, (*path, "mac"), f"{message} {device.mac}", "make both equal")
+                yield draft.finding_at(part, (*path, "mac"), message, "make both equal")
 
 
 def hosts_in_network(draft: _draft.Draft) -> Iterator[Finding]:

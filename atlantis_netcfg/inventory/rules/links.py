@@ -242,12 +242,13 @@ def _check_carried_site(draft: _draft.Draft, end: BridgeEnd, links: list[BridgeE
 
 
 def _check_ends_agree(draft: _draft.Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
-    where = msg(f"`{arg(far.site)}` has {arg(far.link.network)} ({arg(draft.where(far.part, *far.path, 'network'))})")
     if near.link.network != far.link.network:
+        where = draft.where(far.part, *far.path, "network")
         message = msg(
-            f"the two ends of link `{arg(near.link.name)}` are in different networks: {arg(near.link.network)} here,"
+            f"the two ends of link `{arg(near.link.name)}` are in different networks: {arg(near.link.network)} here, "
+            f"`{arg(far.site)}` has {arg(far.link.network)} ({arg(where)})"
         )
-        yield draft.finding_at(near.part, (*near.path, "network"), f"{message} {where}", "make both equal")
+        yield draft.finding_at(near.part, (*near.path, "network"), message, "make both equal")
         return
     gateway = getattr(near.link, "gateway", None)
     if gateway != far.link.address:

@@ -86,7 +86,7 @@ def fields(draft: _draft.Draft) -> Iterator[Finding]:
             is_set = _value(device, field.path) not in {None, ()}
             name = ".".join(field.path)
             if is_set and driver not in field.of:
-                drivers = " and ".join(field.of)
+                drivers = msg(f"{arg(field.of[0])} and {arg(field.of[-1])}") if field.of[1:] else field.of[0]
                 message = msg(f"`{arg(name)}` has no effect with driver `{arg(driver)}`")
                 yield draft.finding_at(
                     part, field.path, message, msg(f"remove it: it is only for driver {arg(drivers)}")

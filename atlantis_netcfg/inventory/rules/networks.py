@@ -144,7 +144,7 @@ def pools(draft: _draft.Draft) -> Iterator[Finding]:
     if draft.pilot is None:
         return
     vpn = draft.pilot.vpn
-    infrastructure = ("infrastructure", vpn.infrastructure, _draft.Part("pilot"), ("vpn", "infrastructure"))
+    infrastructure = (msg("infrastructure"), vpn.infrastructure, _draft.Part("pilot"), ("vpn", "infrastructure"))
     partners = [
         (f"`{name}`", partner.vpn_pool, _draft.Part("partner", name), ("vpn_pool",))
         for name, partner in draft.partners.items()

@@ -424,11 +424,9 @@ def level(draft: _draft.Draft) -> Iterator[findings.Finding]:
         where = draft.where(_draft.Part("device", ptp.peer), "ptp", "signal")
         message = msg(
             f"`{arg(ptp.peer)}` would receive {arg(received_dbm):.0f} dBm over {arg(distance_m)} m, {arg(what)} in the "
-            "inventory"
+            f"inventory, {arg(bound)} dBm ({arg(where)})"
         )
-        yield draft.finding_at(
-            part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m)
-        )
+        yield draft.finding_at(part, ("ptp", "tx_power_dbm"), message, _power(ptp, distance_m))
 
 
 EIRP_RULES: tuple[_draft.Rule, ...] = (bounds, eirp, short_link, level)

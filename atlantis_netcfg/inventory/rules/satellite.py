@@ -50,7 +50,7 @@ def refuse_derived_targets(draft: _draft.Draft) -> Iterator[Finding]:
                     satellite_allow_list.VPN_TARGET: "the VPN",
                     satellite_allow_list.FAR_END_TARGET: msg(f"the {arg(satellite_allow_list.FAR_END_TARGET)}"),
                 }
-                what = target_names.get(same.name, f"the time server {same.name}")
+                what = target_names.get(same.name, msg(f"the time server {arg(same.name)}"))
                 message = msg(
                     f"`{arg(link.name)}` always admits {arg(what)}: {arg(_describe_target(target))} needs no entry"
                 )

@@ -115,9 +115,9 @@ def examples_left(draft: _draft.Draft) -> Iterator[Finding]:
             yield Finding.at(mark, msg(f"{arg(example.recognised)} is still an example, {arg(but)}"), hint)
     for mark, keys in keys_by_mark.items():
         words = join(", ", dict.fromkeys(keys))
-        verb = "is" if len(set(keys)) == 1 else "are"
+        verb_phrase = f"{'is' if len(set(keys)) == 1 else 'are'} marked as an example"
         hint = "write the real value, and delete the mark `# EXAMPLE`; or set `example_values: true`"
-        yield Finding.at(mark, msg(f"{arg(words)} {arg(verb)} marked as an example, {arg(but)}"), hint)
+        yield Finding.at(mark, msg(f"{arg(words)} {arg(verb_phrase)}, {arg(but)}"), hint)
 
 
 RULES: tuple[_draft.Rule, ...] = (refuse_clear_text, printable, weak, examples_left)

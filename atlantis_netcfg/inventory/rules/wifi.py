@@ -87,7 +87,9 @@ def addresses(draft: _draft.Draft) -> Iterator[Finding]:
                 part, path, message, "add the `key` of the access point next to it, or remove `client`"
             )
         if why := why_unusable(client.address, client.network):
-            yield draft.finding_at(part, (*path, "address"), f"{client.address} {why}", example_in(client.network))
+            yield draft.finding_at(
+                part, (*path, "address"), msg(f"{arg(client.address)} {arg(why)}"), example_in(client.network)
+            )
         if wifi.address is None:
             continue
         if wifi.address == client.address:
@@ -135,7 +137,7 @@ def check_access_point(draft: _draft.Draft) -> Iterator[Finding]:
                 yield draft.finding_at(part, ("access_point", name), message, hint)
         if why := why_unusable(radio.address, radio.network):
             path = ("access_point", "address")
-            yield draft.finding_at(part, path, f"{radio.address} {why}", example_in(radio.network))
+            yield draft.finding_at(part, path, msg(f"{arg(radio.address)} {arg(why)}"), example_in(radio.network))
 
 
 def require_one_use_per_radio(draft: _draft.Draft) -> Iterator[Finding]:

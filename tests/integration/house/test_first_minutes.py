@@ -15,6 +15,7 @@ import pyte
 import pytest
 from docs_console import Shown, shown
 from docs_terminal import at_a_terminal
+from english_words import english_parts, without_names
 from house_checkout import NOBODY, ROOT, as_nobody, clean_environment, let_others_pass, shared_checkout
 
 ROWS, COLUMNS = 24, 80
@@ -28,15 +29,6 @@ NOT_UNDERSTOOD = re.compile(
     r"not found|unknown (argument|option|command)|não encontrad|(argumento|opção|comando) desconhecid", re.IGNORECASE
 )
 ESCAPE = re.compile(r"\x1b(\[[0-9;?]*[A-Za-z]|\][^\x07]*\x07|[=>])")
-ENGLISH = re.compile(
-    r"(?<![\w/.=-])(the|of|is|are|was|were|not|and|or|with|without|for|from|has|have|had|this|that|these|by|to|in|on|at|"
-    r"it|its|be|been|can|cannot|must|will|would|which|when|where|what|who|if|than|then|only|nothing|each|every|your|you)"
-    r"(?![\w/.=-])",
-    re.IGNORECASE,
-)
-"""Words of nearly every English sentence and of no Portuguese one: without `a`, `as`, `do`, `no`."""
-NAMED = re.compile(r'`[^`]+`|"[^"]*"|(?:\./)?provision [^\n]*')
-"""What stays as it is in every language: names and commands in back quotes, rows of a device in quotes."""
 STILL_ENGLISH = ("partner not in the inventory",)
 """Texts of the walk in Portuguese that nobody has translated yet. The list only gets shorter."""
 
@@ -122,14 +114,14 @@ def labelled(lines: list[str], label: str) -> Iterator[str]:
             yield "\n".join([line.removeprefix(label).strip(), *(each.strip() for each in more)])
 
 
-def english_parts(text: str, typed: Iterable[str]) -> list[str]:
-    """Where a function word of English stands, with the words around it; the terminal may have broken a typed one."""
-    words = " ".join(NAMED.sub("`…`", text).split())
+def untranslated_parts(text: str, typed: Iterable[str]) -> list[str]:
+    """Where English stands; the terminal may have broken what was typed."""
+    words = " ".join(without_names(text).split())
     for answer in typed:
         words = re.sub(" ?".join(map(re.escape, answer)), "…", words)
     for known in STILL_ENGLISH:
         words = words.replace(known, "…")
-    return [words[max(0, match.start() - 40) : match.end() + 40] for match in ENGLISH.finditer(words)]
+    return english_parts(words)
 
 
 @pytest.fixture(scope="module", params=["en", "pt"])
@@ -173,7 +165,7 @@ def test_a_rehearsal_fits_on_the_terminal(walk: Walk) -> None:
 
 def test_the_portuguese_walk_shows_no_english(walk: Walk) -> None:
     answers = [typed for each in first_commands(walk.language) for _, typed in each.answers if " " in typed]
-    parts = english_parts(walk.whole(), answers)
+    parts = untranslated_parts(walk.whole(), answers)
     if walk.language == "en":
         assert parts != [], "the list of words finds nothing in English"
     else:

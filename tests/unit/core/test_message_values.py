@@ -77,6 +77,14 @@ def test_an_error_gives_its_message_back() -> None:
     assert marked(message) in marked(msg(f"{arg(UsageError(message))}!"))
 
 
+def test_an_object_that_is_shown_as_a_message_keeps_the_values_of_that_message() -> None:
+    class Problem:
+        def __str__(self) -> str:
+            return msg(f"{arg(3)} changes left")
+
+    assert marked(str(Problem())) in marked(msg(f"{arg(Problem())}!"))
+
+
 def test_an_error_makes_messages_of_its_text_and_hint() -> None:
     error = UsageError(f"{arg(3)} changes left", hint=f"look at {arg('cpe')}")
     assert (str(error), error.hint) == ("3 changes left", "look at cpe")
