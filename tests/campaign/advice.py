@@ -47,7 +47,7 @@ def name_of(words: Sequence[str]) -> str:
 def read(output: str, site: str) -> Advice | None:
     """The last advice of an output; None: there is none."""
     tail = "\n".join(line for line in output.splitlines() if not line.lstrip().startswith(_REMARKS))
-    joined = re.sub(r"\n {7,}", " ", tail)
+    joined = re.sub(r"(?: \\)?\n {7,}", " ", tail)
     commands = [(found[1] or found[2]).strip() for found in _COMMAND.finditer(joined)]
     commands = [line for line in commands if name_of(shlex.split(line)) not in _INFORMS and "--help" not in line]
     waits = bool(_WAIT.search(joined))

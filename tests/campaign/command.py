@@ -23,7 +23,7 @@ ORPHAN_S = 3.0
 ANSWERS = 12
 """To so many questions of one command."""
 _POLL_S = 0.02
-_REMINDER = b"  still at work, "
+_REMINDER = b"  still running, "
 """How `provision` begins what it says while it waits (`cli/base/output.py`)."""
 _NO_RESULT = ("not supported yet", "SKIP")
 _EXEMPT = (signal.SIGKILL, signal.SIGSTOP)

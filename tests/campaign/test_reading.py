@@ -140,7 +140,7 @@ def test_reminder_resets_the_quiet_timer_but_not_the_idle_timer(tmp_path: Path) 
 
 
 LOST = """  coastal-router     nothing was changed: its certificate is unknown here
-                     `provision device trust site=coastal` on a terminal shows who responses, and asks you; or set it in
+                     `provision device trust site=coastal` on a terminal shows who responds, and asks you; or set it in
                      the inventory
 """
 

@@ -1,6 +1,7 @@
 """A plan that is saved and carried out later: that plan and no other, or nothing."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ at = pytest.fixture(fresh_quay)
 def plan(at: Quay, tmp_path: Path) -> Path:
     file = tmp_path / "coastal.plan"
     done = at.provision("plan", "site=coastal", "--save", str(file), code=2)
-    assert f"next      provision plan apply {file} inventory={at.inventory}\n" in done.stdout
+    said = re.sub(r" \\\n +", " ", done.stdout)  # as a shell reads a long command
+    assert f"next      provision plan apply {file} inventory={at.inventory}\n" in said
     return file
 
 
@@ -86,7 +88,8 @@ def test_without_consent_nothing_is_changed(at: Quay, plan: Path) -> None:
 def test_file_that_is_no_plan_is_refused_and_not_overwritten(at: Quay, tmp_path: Path, text: str) -> None:
     file = tmp_path / "x"
     file.write_text(text, encoding="latin-1")
-    assert "is not a saved plan" in at.provision("plan", "apply", str(file), code=3).stderr
+    why = "is not a plan of this version" if text[:1] in {"{", "["} else "is not a saved plan"
+    assert why in at.provision("plan", "apply", str(file), code=3).stderr
     done = at.provision("plan", "site=coastal", "--save", str(file), code=3)
     assert "`: the file exists and is not a saved plan" in done.stderr
     assert file.read_text(encoding="latin-1") == text
@@ -155,6 +158,7 @@ def test_rehearsed_plan_is_applied_only_in_a_rehearsal(at: Quay, tmp_path: Path)
     file, before = tmp_path / "x", at.export()
     at.provision("plan", "site=coastal", "--rehearse", "--save", str(file), code=2)
     done = at.provision("plan", "apply", str(file), code=0)
-    assert "[OK] REHEARSED: emulated devices were changed to match the inventory, and read back" in done.stdout
+    words = " ".join(done.stdout.split())
+    assert "[OK] REHEARSED: emulated devices were changed to match the inventory, and read back" in words
     assert "next      provision check site=coastal" in done.stdout
     assert at.export() == before
