@@ -1,7 +1,6 @@
 import contextlib
 import re
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import inventory_cases
 import pytest
@@ -18,10 +17,11 @@ Case = tuple[Path, str]
 
 
 @pytest.fixture(scope="module", params=inventory_cases.cases(), ids=lambda path: path.stem)
-def case(request: pytest.FixtureRequest) -> Case:
+def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
     path: Path = request.param
-    with TemporaryDirectory() as folder, contextlib.chdir(folder):
-        inventory_cases.spoil(inventory_cases.load(path), Path(folder))
+    folder = tmp_path_factory.mktemp(path.stem)
+    inventory_cases.spoil(inventory_cases.load(path), folder)
+    with contextlib.chdir(folder):
         return path, inventory_cases.told()
 
 
