@@ -48,7 +48,8 @@ def test_every_message_of_the_source_has_a_translation() -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_text_of_help_has_a_translation(name: str) -> None:
     command = load(name, COMMANDS).command
-    texts = [command.summary, *command.details.split("\n"), *(each.help for each in (*command.words, *command.flags))]
+    helps = [*(word.help for word in command.words), *(flag.help for flag in command.flags)]
+    texts = [command.summary, *command.details.split("\n"), *helps]
     assert [text for text in texts if text and text not in TRANSLATIONS] == []
 
 
