@@ -269,7 +269,10 @@ def _trust_identity(identity: DeviceIdentity, request: Request) -> ExitCode:
 
     shows = msg(f"{arg(identity.device)}: its {arg(identity.service)} is {arg(identity.actual_key)}")
     if identity.is_known:
-        print(translate(f"{arg(shows)}, as {'declared' if identity.declared_key else 'accepted before'}"), flush=True)
+        print(
+            translate(f"{arg(shows)}, as {'in the inventory' if identity.declared_key else 'accepted before'}"),
+            flush=True,
+        )
         return ExitCode.DONE
     field = "fingerprint" if identity.service == "certificate" else "host_key"
     if identity.declared_key:

@@ -62,7 +62,7 @@ def status_of(member: identity.Member, now: datetime) -> str:
     if newest.not_after <= now:
         return "expired"
     if newest is not oldest:
-        return msg(f"renewed, {arg(oldest.common_name)} is still in use")
+        return msg(f"renewed, {arg(oldest.common_name)} still in use")
     return "in use" if newest.standing is identity.CertificateStatus.SEEN else "never seen"
 
 

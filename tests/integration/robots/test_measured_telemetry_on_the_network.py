@@ -64,7 +64,7 @@ def test_measured_sizes_and_rates_match_the_mock(tmp_path: Path) -> None:
     [
         (("EXAMPLE-zarco-token", "EXAMPLE-another"), "zarco", "its token differs from the one in its file"),
         (("label: ", "label: Another "), "zarco", "its configuration differs from its file"),
-        (("namespace: zarco", "namespace: sparus"), "zarco", "`zarco` was not heard at coastal"),
+        (("namespace: zarco", "namespace: sparus"), "zarco", "no messages of `zarco` received at coastal"),
     ],
 )
 def test_robot_that_deviates_from_its_file_is_not_written(

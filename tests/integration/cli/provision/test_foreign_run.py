@@ -28,7 +28,7 @@ def left(at: Quay) -> int:
 def test_many_foreign_rows_are_removed_after_two_confirmations(at: Quay) -> None:
     declined = at.typed("site=coastal", answer="yes\nno", code=4)
     assert f"{ROUTER}: {WORDS}" in declined
-    assert "Remove them? Type remove to go on" in declined
+    assert "Remove them? Type remove (the whole word) to continue" in declined
     assert "Change coastal-router now" not in declined
     assert "not confirmed; nothing was changed" in declined
     assert left(at) == 101

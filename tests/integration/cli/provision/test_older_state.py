@@ -112,6 +112,11 @@ def test_a_killed_run_is_resumed(older: Path, tmp_path: Path) -> None:
         assert not any(row["unfinished"] for row in at.runs())
 
 
+def starts(audit: str) -> list[list[str]]:
+    """Time and person of each line of an audit, whose words may have become others since."""
+    return [line.split("  ")[:2] for line in audit.splitlines()]
+
+
 @pytest.mark.namespace
 def test_old_authority_can_be_listed_audited_and_used(older: Path, tmp_path: Path) -> None:
     words = (f"authority={older / 'vpn' / 'authority'}", f"inventory={CHECKOUT / 'inventory'}")
@@ -120,7 +125,7 @@ def test_old_authority_can_be_listed_audited_and_used(older: Path, tmp_path: Pat
     assert [{key: row[key] for key in expected[0]} for row in listed] == expected
     # It signed no end of its ledger: that is no green audit, and the next signature ends it.
     audit = typed(older, "vpn", "audit", words[0], code=6)
-    assert [line for line in (older / "vpn-audit.txt").read_text("utf-8").splitlines()[:-1] if line not in audit] == []
+    assert starts(audit)[: len(recorded := starts((older / "vpn-audit.txt").read_text("utf-8"))[:-1])] == recorded
     assert "--no-push" not in typed(older, "vpn", "sync", *words, code=3), "it is no flag of this command"
     (_, sign) = advised(said(audit, SIGN))
     with quay(tmp_path) as at:

@@ -160,7 +160,7 @@ def test_second_technician_is_told_who_holds_the_lock(at: Quay) -> None:
     ) as running:
         await_record(at.state, '"kind":"run-started"')
         second = at.provision("site=coastal", "--yes", code=4)
-        assert "coastal is being worked on by" in second.stderr
+        assert "coastal is locked by" in second.stderr
         assert running.wait() == 0
 
 

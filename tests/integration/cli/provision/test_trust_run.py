@@ -16,7 +16,7 @@ from atlantis_netcfg.runs import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
-UNKNOWN = "unknown certificate; no password was sent"
+UNKNOWN = "its certificate is unknown here, so no password was sent"
 OPENING: dict[str, tuple[str, ...]] = {
     "plan": ("plan", "site=coastal"),
     "change": ("site=coastal", "--yes"),

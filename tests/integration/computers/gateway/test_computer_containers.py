@@ -131,6 +131,6 @@ def test_drift_of_image_and_folder_is_reported(stand: Stand) -> None:
     gateway.run(f"systemctl stop {UNIT} && podman create --name atlantis-service-backend {name}")
     declare(stand, newer)
     told = stand.run()
-    assert "does not listen at tcp port 18082" in told["message"], "the newer image listens elsewhere"
+    assert "does not listen on tcp port 18082" in told["message"], "the newer image listens elsewhere"
     images = gateway.run("podman images --format '{{.Repository}}:{{.Tag}}' localhost/atlantis/*").stdout.split()
     assert images == [f"localhost/atlantis/atlantis-service-backend:{newer}"], "the older image is removed"

@@ -86,7 +86,7 @@ def test_service_that_does_not_listen_is_a_finding(stand: Stand) -> None:
     gateway.run("systemd-run --unit stranger /root/stranger")
     told = stand.run()
     assert finding in told["message"], "a stranger at the port is not the service"
-    assert any("/opt/partner/backend of the service `backend` is not there" in note for note in told["notes"])
+    assert any("/opt/partner/backend of the service `backend` is missing" in note for note in told["notes"])
     gateway.run("systemctl stop stranger")
     gateway.put("/opt/partner/backend", service_program("tcp", 18082), mode="0755")
     told = stand.run()

@@ -35,7 +35,7 @@ def test_a_gateway_without_network_is_installed_from_a_bundle(quay: Quay) -> Non
 
     first, said = quay.run(install(PACKAGES))
     assert first == 0, said
-    assert told(said)["changes"][-1] == f"gateway bundle {manifest.id} assembled"
+    assert told(said)["changes"][-1] == f"bundle {manifest.id} assembled"
     versions = quay.gateway.run("dpkg-query -W -f '${Package} ${Version}\\n' mission-log mission-data").stdout
     assert versions == "mission-data 4.0\nmission-log 1:1.2-3\n"
     before = quay.gateway.traffic.up_bytes

@@ -139,7 +139,7 @@ def test_full_disk_and_missing_python_are_reported(
     full = stand.run()
     assert "is full" in full["message"]
     assert "kB are free" in full["message"]
-    assert "free disk space" in full["hint"]
+    assert "free space" in full["hint"]
     assert tools(stand) == []
     stand.gateway.free_disk()
 

@@ -151,12 +151,12 @@ def test_all_roles_install_from_the_bundle_alone(voyage: Voyage, ashore: tuple[G
     asked = len(ashore[0].requests)
     planned = voyage.run("--check")
     assert planned["status"] == "planned", planned["message"]
-    assert planned["changes"][0].startswith(f"gateway bundle {manifest.id}: ")
+    assert planned["changes"][0].startswith(f"bundle {manifest.id}: ")
     assert planned["changes"][0].endswith(" kB to copy")
     assert voyage.gateway.run("ls /var/lib/atlantis/bundle", check=False).stdout == ""
     done = voyage.run()
     assert (done["status"], done["hint"]) == ("changed", None), done
-    assert f"gateway bundle {manifest.id} assembled" in done["changes"]
+    assert f"bundle {manifest.id} assembled" in done["changes"]
     assert any(change.startswith("package ros-foxy-ros-base") for change in done["changes"])
     assert voyage.gateway.run("readlink /opt/atlantis/interop/current").stdout.startswith("builds/")
     again = voyage.run()
