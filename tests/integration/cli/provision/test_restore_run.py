@@ -88,7 +88,7 @@ def test_device_with_too_few_ports_is_refused_with_all_missing_ports(at: Quay) -
     done = at.json("device", "restore", f"device={ROUTER}", "run=latest", "--yes", code=4)
     message = done["devices"][ROUTER]["message"]
     for port in ("ether6", "ether7", "ether8"):
-        assert f"there is no {port} in /interface ethernet" in message
+        assert f"{port} does not exist in /interface ethernet" in message
     assert at.export() == before
     assert at.provision("device", "restore", f"device={ROUTER}", "run=latest", "--plan", code=4)
     assert at.export() == before

@@ -173,7 +173,7 @@ def test_ctrl_c_at_the_prompt_changes_nothing(at: Quay) -> None:
         os.close(terminal)
         assert process.stdout is not None
         text = b""
-        while not text.endswith(b"Type yes to go on (the whole word), or no: "):
+        while not text.endswith(b"Type yes (the whole word) to continue, or no: "):
             more = process.stdout.read(65536)
             assert more, text.decode()
             text += more
@@ -184,5 +184,5 @@ def test_ctrl_c_at_the_prompt_changes_nothing(at: Quay) -> None:
                 process.wait(10)
         text = process.stdout.read()
         assert process.returncode == 4, text.decode()
-    assert b"stopped by Ctrl-C at the question, so nothing was changed" in text
+    assert b"interrupted by Ctrl-C at the prompt; nothing was changed" in text
     assert at.export() == before

@@ -166,6 +166,6 @@ def test_terminal_output(at: LaptopStand) -> None:
     assert done.returncode == 6, done.stdout
     assert [line for line in done.stdout.splitlines() if len(line) > 80 and str(at.folder) not in line] == []
     text = re.sub(r"\d+ (?=[A-Z])", "N ", done.stdout)
-    assert "  FAIL address             no port has an address in 10.64.101.0/24, the" in text
+    assert "  FAIL address             no port has an address in 10.64.101.0/24" in text
     assert "       type: sudo ip address add 10.64.101.10/24 dev eth0\n" in text
     assert re.search(r"^FAIL: N FAIL, ", text, re.MULTILINE)

@@ -66,6 +66,7 @@ def _texts(tree: ast.AST) -> Iterator[str]:
 
 def advised(printed: str) -> list[list[str]]:
     """The commands that a text advises, as the words that a person would type after `provision`."""
+    printed = re.sub(r" \\\n +", " ", printed)  # as a shell reads a command of several lines
     found = re.findall(r"\bprovision ([a-z][^;`,()\n]*)", " ".join(printed.split()) if "`" in printed else printed)
     return [shlex.split(command) for command in dict.fromkeys(each.strip() for each in found)]
 
