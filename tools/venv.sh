@@ -190,7 +190,7 @@ pip_failed() {
     if grep -q 'CERTIFICATE_VERIFY_FAILED' "$log"; then
         say "error: the package index cannot prove who it is; is the clock right? here it is $(date)"
     elif grep -q -e 'Retrying (' -e 'NewConnectionError' "$log"; then
-        say "error: the package index does not answer"
+        say "error: the package index does not respond"
     else
         grep -i '^error' "$log" | tail -n 3 >&2
     fi

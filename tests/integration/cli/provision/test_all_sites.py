@@ -39,7 +39,7 @@ def test_locked_site_fails_alone_and_results_are_streamed(tmp_path: Path, monkey
         again, _ = run(tmp_path / "state", twins)
         third, _ = run(tmp_path / "state", twins)
     assert [first[name]["status"] for name in ROUTERS] == ["left-as-found", "changed", "changed"]
-    assert "coastal is being worked on by" in first["coastal-router"]["message"]
+    assert "coastal is locked by" in first["coastal-router"]["message"]
     assert [again[name]["status"] for name in ROUTERS] == ["changed", "unchanged", "unchanged"]
     assert [third[name]["status"] for name in ROUTERS] == ["unchanged"] * 3
     ends = [place for place, line in enumerate(told) if line.get("devices")]

@@ -89,7 +89,7 @@ def test_second_laptop_is_told_how_to_take_over_the_run(at: Quay) -> None:
     told = told["devices"][ROUTER]
     assert (told["status"], f"run {run} of " in told["message"]) == ("left-as-found", True)
     assert "or was interrupted there" in told["message"]
-    assert re.search(r"the sign of a run that died goes by itself within (29|30)m", told["hint"])
+    assert re.search(r"the marker of an interrupted run disappears by itself within (29|30)m", told["hint"])
     (command,) = advised(told["hint"])
     assert command == ["recover", "resume", "site=coastal", f"run={run}", f"inventory={at.inventory}"]
     code, told = laptop(at, "second", *command)

@@ -58,7 +58,7 @@ def test_rehearsed_rollback_reports_its_starting_state(at: Quay) -> None:
     said = at.provision("recover", "rollback", "site=coastal", "run=latest", "--rehearse", "--plan", code=2).stdout
     assert said.startswith("Rehearsal of coastal")
     words = " ".join(said.split())
-    assert f"coastal-router: first brought to what run {row['run']} read back at " in words
+    assert f"coastal-router: starts from the state verified by run {row['run']} at " in words
     assert "the emulated device is unchanged, byte for byte" in said
     for path in (at.state / "real/coastal/confirmed").iterdir():
         path.unlink()
@@ -150,7 +150,7 @@ def test_resumed_run_is_planned_rehearsed_and_done(at: Quay) -> None:
     told = at.json("recover", "resume", "site=coastal", "--rehearse", code=0)
     device = told["devices"][ROUTER]
     assert (told["rehearsed"], device["status"], device["second_pass"]) == (True, "changed", 0)
-    assert device["not_rehearsed"][0].startswith(f"what run {row['run']} has left open or kept on coastal-router")
+    assert device["not_rehearsed"][0].startswith(f"what run {row['run']} left pending or kept on coastal-router")
     assert untouched(at) == left
 
     assert at.json("recover", "resume", "site=coastal", code=0)["devices"][ROUTER]["status"] == "changed"

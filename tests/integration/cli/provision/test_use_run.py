@@ -99,7 +99,7 @@ def test_metered_link_needs_cost_consent(technician: Technician) -> None:
 def test_unproved_link_is_used_only_with_unproved(technician: Technician) -> None:
     before = technician.at.export()
     words = ("links", "use", "site=coastal", "link=satellite", "for=1h", "--yes", "--accept-cost")
-    assert "whether satellite works is not proved" in technician.type(*words, code=4)
+    assert "there is no proof that satellite works" in technician.type(*words, code=4)
     technician.at.do("silence", addresses=["10.99.2.21", "10.99.2.22"])
     assert "4g is down, so nothing was changed" in technician.type(*LINK, code=4)
     assert technician.at.export() == before
