@@ -31,7 +31,7 @@ from atlantis_netcfg.checklist import _signing
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
 from atlantis_netcfg.core.messages import arg, msg
-from atlantis_netcfg.core.stored_messages import pack, unpack
+from atlantis_netcfg.core.stored_messages import marked_texts, unpack
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -166,8 +166,7 @@ class ChecklistLog(EventLog):
 
     def _line(self, record: ChecklistBegun | ReopenedRecord | RecordedResult | SupersedeResultRecord) -> bytes:
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
-        texts = pack({"record": record})
-        data = head | _RECORDS.dump_python(record, mode="json") | {key: texts[key] for key in texts if key == "texts"}
+        data = head | _RECORDS.dump_python(record, mode="json") | marked_texts(record)
         return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(errors="replace")
 
 

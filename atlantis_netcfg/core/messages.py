@@ -47,8 +47,10 @@ class Message(str):
 
     def replace(self, old: str, new: str, count: int = -1, /) -> str:  # type: ignore[override]
         """Replace a placeholder such as `site=…` in the English text and in every translation."""
-        if count >= 0 or old not in self:
-            return self if old not in self else str.replace(self, old, new, count)
+        if old not in self:
+            return self
+        if count >= 0:
+            return str.replace(self, old, new, count)
         return Message(f"{self.source}{OLD}{old}{NEW}{_MARK.sub('', new)}{END}")
 
 

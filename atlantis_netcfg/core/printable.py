@@ -233,10 +233,10 @@ def paint(rows: Iterable[Row], *, colour: bool) -> str:
 
 
 def show(rows: Iterable[Row], stream: Any) -> None:  # noqa: ANN401 - any text stream
-    """Write lines, coloured where the stream shows colours; on a terminal wrapped between words."""
+    """Write lines, coloured where the stream shows colours; on a terminal pieces between words."""
     width = width_of(stream)
-    wrapped = (part for row in rows for part in _wrap_own(row, width))
-    getattr(stream, "stream", stream).write(paint(wrapped, colour=shows_colour(stream)))
+    pieces = (part for row in rows for part in _wrap_own(row, width))
+    getattr(stream, "stream", stream).write(paint(pieces, colour=shows_colour(stream)))
     stream.flush()
 
 

@@ -13,8 +13,13 @@ from atlantis_netcfg.core.messages import Message
 
 def pack(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return a JSON document with the marked texts of its messages beside them, for `unpack`."""
+    return {**document, **marked_texts(document)}
+
+
+def marked_texts(document: object) -> dict[str, Any]:
+    """Return what `pack` adds to a document: `texts`, or nothing if it has no messages with values."""
     texts = dict.fromkeys(message.source for message in _messages(document) if message.source != message)
-    return {**document, **({"texts": list(texts)} if texts else {})}
+    return {"texts": list(texts)} if texts else {}
 
 
 def unpack(document: Mapping[str, Any]) -> dict[str, Any]:

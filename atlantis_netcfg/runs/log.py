@@ -16,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.eventlog import EventLog, split
 from atlantis_netcfg.core.messages import arg, msg
-from atlantis_netcfg.core.stored_messages import pack, unpack
+from atlantis_netcfg.core.stored_messages import marked_texts, unpack
 from atlantis_netcfg.runs import files
 from atlantis_netcfg.runs.records import Record, StateBackup, StateConfirmation
 
@@ -59,7 +59,7 @@ class Log:
 def line(entry: LogEntry, previous: bytes = b"") -> bytes:
     """Return the record as one line of the file; its checksum continues that of the `previous` line."""
     data = {"at": entry.at.isoformat(timespec="milliseconds"), **_RECORDS.dump_python(entry.record, mode="json")}
-    data |= {name: value for name, value in pack(_fields(entry.record)).items() if name == "texts"}
+    data |= marked_texts(_fields(entry.record))
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode(errors="replace").removesuffix(b"}")
     return b'%s,"sum":"%s"}\n' % (text, _checksum(previous, text))
 
