@@ -233,7 +233,7 @@ def paint(rows: Iterable[Row], *, colour: bool) -> str:
 
 
 def show(rows: Iterable[Row], stream: Any) -> None:  # noqa: ANN401 - any text stream
-    """Write lines, coloured where the stream shows colours; on a terminal pieces between words."""
+    """Write lines, coloured where the stream shows colours; on a terminal wrapped between words."""
     width = width_of(stream)
     pieces = (part for row in rows for part in _wrap_own(row, width))
     getattr(stream, "stream", stream).write(paint(pieces, colour=shows_colour(stream)))
