@@ -444,6 +444,10 @@ def _modem(cell: Cell) -> Iterator[tuple[str, SimulatedModem]]:
         yield cell.row, SimulatedModem(spec, address, end.port)
 
 
+_FIX_EVERY_S = 0.5
+"""As vehicles do: more often, and the fixes would fill the budget of a script on a busy laptop before it has ended."""
+
+
 def _spec(cell: Cell) -> EvologicsSpec | SeatracSpec:
     acoustic: model.AcousticEndpoint | None = cell.endpoints.acoustic
     usbl: model.UsblEndpoint | None = cell.endpoints.usbl
@@ -452,9 +456,13 @@ def _spec(cell: Cell) -> EvologicsSpec | SeatracSpec:
     driver = acoustic.driver if acoustic is not None else usbl.driver if usbl is not None else None
     if driver is model.AcousticDriver.EVOLOGICS:
         reaches = (acoustic.partner,) if acoustic is not None and acoustic.partner is not None else ()
-        return EvologicsSpec(local_address=local or 1, hears=hears or (2,), reaches=reaches, in_water=True)
+        return EvologicsSpec(
+            local_address=local or 1, hears=hears or (2,), reaches=reaches, in_water=True, fix_every_s=_FIX_EVERY_S
+        )
     ping_targets = (usbl.ping,) if usbl is not None and usbl.ping is not None else ()
-    return SeatracSpec(beacon=local or 1, hears=hears or (2,), reaches=ping_targets, in_water=True)
+    return SeatracSpec(
+        beacon=local or 1, hears=hears or (2,), reaches=ping_targets, in_water=True, fix_every_s=_FIX_EVERY_S
+    )
 
 
 def _autopilot(cell: Cell) -> Iterator[tuple[str, Autopilot]]:

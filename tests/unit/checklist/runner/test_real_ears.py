@@ -255,6 +255,15 @@ def test_stream_is_cut_at_its_estimate() -> None:
     assert _bill.estimate(SHIPPED, "coastal", carrier, [("it", cut)]).bill.payload_bytes == pytest.approx(65_400, 0.03)
 
 
+def test_budget_of_a_script_has_room_for_what_a_vehicle_reports_while_it_waits() -> None:
+    """Two beacons that report a fix each second, 115 bytes long."""
+    ping = next(entry.step for entry in plan(SHIPPED, "coastal").entries if entry.item.id == "zarco/usbl/ping")
+    assert ping.probe is not None
+    ((_, script),) = _bill.within_budget([("it", question) for question in ping.probe.asks()])
+    assert isinstance(script, probes.Listen)
+    assert script.max_bytes >= 2 * 115 * sum(message.within_s for message in script.say)
+
+
 def test_cost_of_a_whole_checklist_is_shown_beforehand() -> None:
     entries = plan(SHIPPED, "coastal").entries
     assert _bill.previews(SHIPPED, "coastal", entries, Request())[0].words.startswith("over metered link satellite"), (
