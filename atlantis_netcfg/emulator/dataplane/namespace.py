@@ -1,0 +1,100 @@
+"""One router's namespace: brought to the state of its rows, again after each change of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.emulator.lab import hosts
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from atlantis_netcfg.emulator.dataplane.rows import NetworkState
+
+_QUIET: Final = ("net.ipv4.icmp_ratelimit=0", "net.ipv4.conf.default.rp_filter=0", "net.ipv6.conf.all.disable_ipv6=1")
+
+
+def plug_of(port: str) -> str:
+    """Return the device at the other end of a port's cable, as long as nobody has taken it."""
+    return f"{port[:11]}-far"
+
+
+@dataclass
+class RouterNamespace:
+    """The namespace `name`, which exists already; `apply` brings it to a state."""
+
+    name: str
+    _state: NetworkState | None = None
+    _devices: set[str] = field(default_factory=set)
+
+    def apply(self, state: NetworkState) -> bool:
+        """Bring the namespace to a state; return whether anything was different. Raises MachineError."""
+        old = self._state
+        if state == old:
+            return False
+        if old is None:
+            self._set(_QUIET)
+        self._add_devices(state)
+        # What hangs on a device that went down or on an address that is gone, Linux has removed already.
+        self._ip(_removals(old, state) if old is not None else (), force=True)
+        self._ip(_additions(old, state))
+        if old is None or old.settings != state.settings:
+            self._set(state.settings)
+        if old is None or old.firewall != state.firewall:
+            self.run("nft", "-f", "-", text=state.firewall)
+        self._state = state
+        return True
+
+    def run(self, *words: str, text: str | None = None) -> str:
+        """Run a program in the namespace and return its output. Raises MachineError."""
+        result = hosts.output_of(("ip", "netns", "exec", self.name, *words), text=text)
+        if result.returncode:
+            raise hosts.MachineError(f"{' '.join(words)}: {result.stderr.strip() or f'ended with {result.returncode}'}")
+        return result.stdout
+
+    def forget_connections(self) -> None:
+        """Drop all tracked connections, as RouterOS does for links that its scripts have left."""
+        self.run("conntrack", "-F")
+
+    def _add_devices(self, state: NetworkState) -> None:
+        lines = {
+            **{name: f"link add {name} type bridge" for name in state.bridges},
+            **{name: f"tuntap add dev {name} mode tun" for name in state.tunnels},
+            **{name: f"link add {name} type veth peer name {plug_of(name)}" for name in state.ports},
+        }
+        self._ip(line for name, line in lines.items() if name not in self._devices)
+        self._devices |= set(lines)
+
+    def _set(self, settings: Iterable[str]) -> None:
+        self.run("sysctl", "-qw", *settings)
+
+    def _ip(self, lines: Iterable[str], *, force: bool = False) -> None:
+        text = "".join(f"{line}\n" for line in lines)
+        if text:
+            result = hosts.output_of(("ip", "-n", self.name, *(("-force",) if force else ()), "-batch", "-"), text=text)
+            if result.returncode and not force:
+                raise hosts.MachineError(f"{self.name}: {result.stderr.strip()}")
+
+
+def _removals(old: NetworkState, new: NetworkState) -> list[str]:
+    return [
+        *(f"rule del {line}" for line in old.rules if line not in new.rules),
+        *(f"route del {line}" for line in old.routes if line not in new.routes),
+        *(f"address del {line}" for line in old.addresses if line not in new.addresses),
+        *(f"link set {port} nomaster" for port, bridge in old.masters if (port, bridge) not in new.masters),
+        *(f"link set {name} down" for name in sorted(old.up - new.up)),
+        *(f"link del {name}" for name in old.bridges if name not in new.bridges),
+    ]
+
+
+def _additions(old: NetworkState | None, new: NetworkState) -> list[str]:
+    known = (old.masters, old.up, old.addresses, old.rules) if old is not None else ((), frozenset(), (), ())
+    masters, up, addresses, rules = known
+    return [
+        *(f"link set {port} master {bridge}" for port, bridge in new.masters if (port, bridge) not in masters),
+        *(f"link set {name} up" for name in sorted(new.up - up)),
+        *(f"address replace {line}" for line in new.addresses if line not in addresses),
+        *(f"rule add {line}" for line in new.rules if line not in rules),
+        *(f"route replace {line}" for line in new.routes),
+    ]
