@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.emulator.lab import hosts
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.dataplane.rows import NetworkState
 
 _QUIET: Final = ("net.ipv4.icmp_ratelimit=0", "net.ipv4.conf.default.rp_filter=0", "net.ipv6.conf.all.disable_ipv6=1")
+_BRIDGE: Final = ("net.bridge.bridge-nf-call-iptables=0",)
+"""What a bridge carries does not pass the firewall: RouterOS' default `use-ip-firewall=no`."""
 
 
 def plug_of(port: str) -> str:
@@ -34,7 +37,7 @@ class RouterNamespace:
         if state == old:
             return False
         if old is None:
-            self._set(_QUIET)
+            self._set([*_QUIET, *(_BRIDGE if Path("/proc/sys/net/bridge").exists() else ())])
         self._add_devices(state)
         # What hangs on a device that went down or on an address that is gone, Linux has removed already.
         self._ip(_removals(old, state) if old is not None else (), force=True)
@@ -45,6 +48,16 @@ class RouterNamespace:
             self.run("nft", "-f", "-", text=state.firewall)
         self._state = state
         return True
+
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """Devices with a plug, those that are up."""
+        return () if self._state is None else tuple(name for name in self._state.ports if name in self._state.up)
+
+    @property
+    def tunnels(self) -> tuple[str, ...]:
+        """Devices of VPN clients, those that are up."""
+        return () if self._state is None else tuple(name for name in self._state.tunnels if name in self._state.up)
 
     def run(self, *words: str, text: str | None = None) -> str:
         """Run a program in the namespace and return its output. Raises MachineError."""
@@ -63,7 +76,8 @@ class RouterNamespace:
             **{name: f"tuntap add dev {name} mode tun" for name in state.tunnels},
             **{name: f"link add {name} type veth peer name {plug_of(name)}" for name in state.ports},
         }
-        self._ip(line for name, line in lines.items() if name not in self._devices)
+        new = {name: line for name, line in lines.items() if name not in self._devices}
+        self._ip([*new.values(), *(f"link set {plug_of(name)} up" for name in state.ports if name in new)])
         self._devices |= set(lines)
 
     def _set(self, settings: Iterable[str]) -> None:

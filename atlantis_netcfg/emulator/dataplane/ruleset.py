@@ -114,6 +114,8 @@ class Ruleset:
 
     rules: tuple[Rule, ...]
     sets: Mapping[str, tuple[str, ...]]
+    meters: Mapping[str, str] = field(default_factory=dict)
+    """Sets that count packets for each address, and after how long they forget one."""
     untranslated: tuple[str, ...] = ()
 
     def text(self, extra: Sequence[str] = ()) -> str:
@@ -123,6 +125,8 @@ class Ruleset:
         for name, addresses in self.sets.items():
             elements = f"elements = {{ {', '.join(addresses)} }};" if addresses else ""
             lines.append(f"set {name} {{ type ipv4_addr; flags interval; auto-merge; {elements} }}")
+        for name, forget in self.meters.items():
+            lines.append(f"set {name} {{ type ipv4_addr; size 65535; flags dynamic,timeout; timeout {forget}; }}")
         # Nothing can jump to a chain that is not there yet.
         chains = dict.fromkeys([*_HOOKS, *((rule.menu, rule.chain) for rule in self.rules), *self._targets()])
         lines += [f"chain {_chain(*chain)} {{ }}" for chain in chains if chain not in _HOOKS]
@@ -143,16 +147,18 @@ def translate(rows: Iterable[Row], names: Names) -> Ruleset:
     """Translate the rows that are not disabled, in their order."""
     rules, untranslated = [], []
     marks: dict[str, int] = {}
+    meters: dict[str, str] = {}
     for row in rows:
         if row.get("disabled") == "yes":
             continue
         try:
-            rules.append(_Translation(row, names, marks).rule())
+            rules.append(_Translation(row, names, marks, meters).rule())
         except UntranslatableRow as error:
             untranslated.append(f"{row.menu} {row.get('comment') or row.get('chain')}: {error}")
     sets = {_set(name): tuple(addresses) for name, addresses in sorted(names.address_lists.items())}
     used = set(re.findall(r"@(l_\w+)", " ".join(word for rule in rules for word in rule.matches)))
-    return Ruleset(tuple(rules), {name: sets.get(name, ()) for name in sorted(used | set(sets))}, tuple(untranslated))
+    every = {name: sets.get(name, ()) for name in sorted(used | set(sets))}
+    return Ruleset(tuple(rules), every, meters, tuple(untranslated))
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,13 +167,15 @@ class _Translation:
     names: Names
     marks: dict[str, int]
     """Packet and connection marks to their numbers, in the order of their first use."""
+    meters: dict[str, str]
+    """Sets that count packets for each address, and after how long they forget one."""
 
     def rule(self) -> Rule:
         matches = [
             word for name, value in self.row.values.items() if name not in _SILENT for word in self._match(name, value)
         ]
         # A limit counts what it meets, so it stands behind every other matcher, as RouterOS evaluates it.
-        matches.sort(key=lambda match: match.startswith("limit "))
+        matches.sort(key=lambda match: match.startswith(("limit ", "update @m_")))
         protocol = self.row.get("protocol")
         if self._needs_protocol() and protocol and not any(match.startswith(f"{protocol} ") for match in matches):
             matches.insert(0, f"meta l4proto {protocol}")
@@ -267,9 +275,20 @@ class _Translation:
         elif name == "limit":
             yield _limit(wanted)
         elif name == "dst-limit":
-            yield _limit(",".join(wanted.split(",")[:2]))
+            yield self._limit_per_address(wanted)
         else:
             raise UntranslatableRow(f"unknown matcher {name}")
+
+    def _limit_per_address(self, value: str) -> str:
+        """Translate `32,32,src-address/10s`: rate, burst, and for each address of which end."""
+        rate, burst, mode = value.split(",")
+        of, _, forget = mode.partition("/")
+        ends = {"src-address": "ip saddr", "dst-address": "ip daddr"}
+        if of not in ends:
+            raise UntranslatableRow(f"unknown limit {value}")
+        name = f"m_{len(self.meters)}"
+        self.meters[name] = forget or "10s"
+        return f"update @{name} {{ {ends[of]} {_limit(f'{rate},{burst}')} }}"
 
 
 def _tcp_flags(value: str) -> str:

@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -199,15 +199,22 @@ def connect_veth(lab: str, port: str, machine: str, interface: str, mac: str) ->
     program("ip", "-n", lab, "link", "set", port, "master", BRIDGE)
 
 
+_Result = TypeVar("_Result")
+
+
 class NamespaceSockets:
     """Creates sockets in a network namespace, by threads in it; a socket stays in its namespace."""
 
     def __init__(self, namespace: str) -> None:
         self._pool = ThreadPoolExecutor(4, namespace, initializer=_enter, initargs=(namespace,))
 
-    def socket(self, kind: int = socket.SOCK_STREAM) -> socket.socket:
-        """Return an IPv4 socket that any thread can use."""
-        return self._pool.submit(socket.socket, socket.AF_INET, kind).result()
+    def socket(self, kind: int = socket.SOCK_STREAM, family: int = socket.AF_INET) -> socket.socket:
+        """Return a socket that any thread can use."""
+        return self._pool.submit(socket.socket, family, kind).result()
+
+    def call(self, function: Callable[[str], _Result], name: str) -> _Result:
+        """Call a function in the namespace."""
+        return self._pool.submit(function, name).result()
 
     def close(self) -> None:
         """Stop the threads."""
