@@ -208,9 +208,9 @@ class NamespaceSockets:
     def __init__(self, namespace: str) -> None:
         self._pool = ThreadPoolExecutor(4, namespace, initializer=_enter, initargs=(namespace,))
 
-    def socket(self, kind: int = socket.SOCK_STREAM, family: int = socket.AF_INET) -> socket.socket:
+    def socket(self, kind: int = socket.SOCK_STREAM, family: int = socket.AF_INET, protocol: int = 0) -> socket.socket:
         """Return a socket that any thread can use."""
-        return self._pool.submit(socket.socket, family, kind).result()
+        return self._pool.submit(socket.socket, family, kind, protocol).result()
 
     def call(self, function: Callable[[str], _Result], name: str) -> _Result:
         """Call a function in the namespace."""

@@ -1,7 +1,7 @@
 """What a site's router has to let through, from the inventory alone: neither templates nor rendered rows are read.
 
-The sources are docs/routers.md (firewall), docs/satellite.md (allow-list) and docs/vpn.md (who reaches whom). Whoever sends
-must also have an address that belongs behind its port: all else is refused, whatever it asks for.
+The sources are docs/routers.md (firewall), docs/satellite.md (allow-list) and docs/vpn.md (who reaches whom). Whoever
+sends must have an address that belongs behind its port: all else is refused, whatever it asks for.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed_targets
+from atlantis_netcfg.routeros.render import view
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from atlantis_netcfg.inventory import Host, Inventory
 
+DDS_QUESTION: Final = 1
+"""DSCP of the echo by which a gateway asks whether DDS may cross the link in use."""
 SSH: Final = 22
 DNS, DHCP_SERVER, NTP, HTTPS = 53, 67, 123, 443
 
@@ -54,9 +55,11 @@ class PacketFlow:
     destination: Station
     protocol: str
     port: int = 0
+    dscp: int = 0
 
     def __str__(self) -> str:
         what = "ping" if self.protocol == "icmp" else f"{self.protocol} {self.port}"
+        what += f" with DSCP {self.dscp}" if self.dscp else ""
         return f"{self.source.name} to {self.destination.name}, {what}"
 
 
@@ -71,8 +74,7 @@ class RouterIntent:
     @cached_property
     def router(self) -> model.Router:
         """The router's block in the inventory."""
-        assert isinstance(self.host.device, model.Router)
-        return self.host.device
+        return view.router_of(self.host)
 
     @cached_property
     def site(self) -> model.Site:
@@ -133,6 +135,8 @@ class RouterIntent:
     def allows(self, flow: PacketFlow) -> bool:
         """Return whether the first packet of a flow has to arrive."""
         source, destination = flow.source.area, flow.destination.area
+        if source is Area.ROUTER:
+            return destination is not Area.INTERNET or self._may_leave(flow)
         if not self._belongs(flow.source):
             return False
         if destination is Area.ROUTER:
@@ -185,29 +189,39 @@ class RouterIntent:
         # Beside the server any datagram passes the router: the server is where datagrams are judged.
         return flow.protocol == "icmp" or is_dds or (self.has_server and flow.protocol == "udp")
 
-    def link_to(self, destination: Station) -> model.Link:
-        """Return the link by which packets leave to an address: that of its network, else the one in use."""
-        links = (link for link in self.site.bearers if destination.address in link.network)
-        return next(links, self.link)
+    def link_to(self, flow: PacketFlow) -> model.Link:
+        """Return the link by which packets leave: that of the destination's network, else the one in use.
+
+        What the router sends with the address of a link goes over that link, but for the VPN.
+        """
+        links = [link for link in self.site.bearers if flow.destination.address in link.network]
+        if flow.source.area is Area.ROUTER and flow.destination.address != self.inventory.pilot.vpn.endpoint:
+            links += [link for link in self.site.bearers if flow.source.address == link.address]
+        return links[0] if links else self.link
 
     def _may_leave(self, flow: PacketFlow) -> bool:
-        link = self.link_to(flow.destination)
+        link, sender = self.link_to(flow), flow.source.area
+        dds = self.inventory.pilot.dds
+        if sender is not Area.ROUTER and flow.dscp == DDS_QUESTION and dds is not None and not link.carries(dds):
+            return False
         if not link.kind.traits.allow_list:
             return True
-        if flow.destination.address in link.network and flow.source.area is Area.MANAGEMENT:
+        if flow.destination.address in link.network and sender in {Area.MANAGEMENT, Area.ROUTER}:
             return True  # the terminal's own pages cost no airtime
         targets = [
             target
             for target in allowed_targets(self.inventory.pilot, link)
-            if target.address not in link.canaries  # for the router's own pings
+            if target.address not in link.canaries or (sender is Area.ROUTER and flow.protocol == "icmp")
         ]
         port = None if flow.protocol == "icmp" else flow.port
         transport = model.Transport.TCP if flow.protocol == "tcp" else model.Transport.UDP
         return admits(targets, flow.destination.address, port, transport)
 
     def forwarded_to(self, flow: PacketFlow) -> IPv4Address | None:
-        """Return the LAN host to which a packet for an outer address of the router is forwarded; anybody may send it."""
-        if flow.destination.address not in {link.address for link in self.site.bearers}:
+        """Return the LAN host to which a packet for an outer address is forwarded, whoever sends it."""
+        if flow.source.area is Area.ROUTER or flow.destination.address not in {
+            link.address for link in self.site.bearers
+        }:
             return None
         services = [(forward.transport.value, forward.port, forward.to) for forward in self.router.forwards]
         qualify = self.inventory.pilot.qualify

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.emulator.dataplane import packets
+from atlantis_netcfg.emulator.routeros.dataplane import packets
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.flows.intent import (
+    DDS_QUESTION,
     DHCP_SERVER,
     DNS,
     HTTPS,
@@ -22,14 +23,15 @@ from atlantis_netcfg.operations.flows.intent import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.dataplane.namespace import RouterNamespace
-    from atlantis_netcfg.emulator.dataplane.rows import NetworkState
+    from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespace
+    from atlantis_netcfg.emulator.routeros.dataplane.rows import NetworkState
     from atlantis_netcfg.inventory import Host, Inventory
 
 _STRANGERS: Final = (IPv4Address("198.51.100.200"), IPv4Address("192.0.2.77"))
 """Addresses of nobody (RFC 5737)."""
+_NARROW_MSS: Final = 1300
 _DEFAULT_ROUTE: Final = "0.0.0.0/0 table 254 "
 
 
@@ -38,9 +40,9 @@ class Difference:
     """A flow that did not do what the inventory intends."""
 
     flow: PacketFlow
-    expected: frozenset[str]
+    expected: frozenset[packets.Arrival]
     """Where its first packet should come out; empty: nowhere."""
-    actual: frozenset[str]
+    actual: frozenset[packets.Arrival]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +67,12 @@ def try_flows(
     with packets.PacketBench(namespace, _neighbours(intent)) as bench:
         arrivals = bench.send(
             packets.FirstPacket(
-                flow.source.port, flow.source.address, flow.destination.address, flow.protocol, flow.port
+                packets.ROUTER if flow.source.area is Area.ROUTER else flow.source.port,
+                flow.source.address,
+                flow.destination.address,
+                flow.protocol,
+                flow.port,
+                flow.dscp,
             )
             for flow in flows
         )
@@ -87,16 +94,34 @@ def _with_link_in_use(state: NetworkState, intent: RouterIntent) -> NetworkState
     return replace(state, routes=(*others, default))
 
 
-def _expected(intent: RouterIntent, flow: PacketFlow) -> frozenset[str]:
+def _expected(intent: RouterIntent, flow: PacketFlow) -> frozenset[packets.Arrival]:
+    """Return where a packet has to come out, with which source after NAT, and which segment size it may offer."""
+    source, site = flow.source, intent.site
     if intent.forwarded_to(flow) is not None:
-        return frozenset({intent.lan_port})
+        # From the LAN too, its replies come back through the router.
+        address = site.lan.gateway if source.address in site.lan.network else source.address
+        return frozenset({packets.Arrival(intent.lan_port, address, _mss(intent, flow, intent.lan_port))})
     if not intent.allows(flow):
         return frozenset()
     if flow.destination.area is Area.ROUTER:
-        return frozenset({packets.ROUTER})
+        return frozenset({packets.Arrival(packets.ROUTER)})
+    place, address = flow.destination.port, source.address
     if flow.destination.area is Area.INTERNET:
-        return frozenset({intent.link_ports[intent.link_to(flow.destination).name]})
-    return frozenset({flow.destination.port})
+        link = intent.link_to(flow)
+        place, address = intent.link_ports[link.name], link.address
+    elif flow.destination.area is Area.SERVED and source.address in site.management.network:
+        address = next(link.address for link in site.served_links if intent.link_ports[link.name] == place)
+    return frozenset({packets.Arrival(place, address, _mss(intent, flow, place))})
+
+
+def _mss(intent: RouterIntent, flow: PacketFlow, place: str) -> int:
+    """Return the segment size offered at the far end: satellite and tunnel leave room for their own headers."""
+    if flow.protocol != "tcp":
+        return 0
+    satellites = [link.name for link in intent.site.bearers if link.kind.traits.allow_list]
+    narrow = {intent.tunnel, *(intent.link_ports[name] for name in satellites)}
+    ways = {place} if flow.source.area is Area.ROUTER else {place, flow.source.port}
+    return _NARROW_MSS if narrow & ways else packets.FULL_MSS
 
 
 # --- stations ------------------------------------------------------------------------------------------------------
@@ -183,6 +208,7 @@ def _flows(intent: RouterIntent) -> Iterator[PacketFlow]:
         "tcp": (SSH, DNS, 80, HTTPS, intent.api_port, intent.inventory.pilot.vpn.port, 5201),
         "udp": (
             DNS,
+            DDS_QUESTION,
             DHCP_SERVER,
             NTP,
             intent.inventory.pilot.vpn.port,
@@ -192,13 +218,16 @@ def _flows(intent: RouterIntent) -> Iterator[PacketFlow]:
             33_000,
         ),
     }
-    for source in senders.values():
-        for destination in (*stations, *_routers(intent)):
+    routers = list(_routers(intent))
+    for source in (*senders.values(), *routers):
+        for destination in (*stations, *(routers if source not in routers else ())):
             if source.address == destination.address or _are_beside(source, destination):
                 continue
             for protocol, numbers in ports.items():
                 for port in dict.fromkeys(numbers):
                     yield PacketFlow(source, destination, protocol, port)
+            if destination.area is Area.INTERNET:
+                yield PacketFlow(source, destination, "icmp", dscp=DDS_QUESTION)
 
 
 def _are_beside(source: Station, destination: Station) -> bool:
@@ -220,6 +249,5 @@ def _neighbours(intent: RouterIntent) -> dict[str, list[IPv4Address]]:
             result[station.port].append(station.address)
     if intent.has_server:
         server = intent.inventory.hosts[intent.inventory.pilot.vpn.server].device
-        assert isinstance(server, model.LanBox)
-        result[intent.lan_port].append(server.address)
+        result[intent.lan_port] += [server.address] if isinstance(server, model.LanBox) else []
     return result

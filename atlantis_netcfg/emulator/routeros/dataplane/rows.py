@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.emulator.dataplane import ruleset
+from atlantis_netcfg.emulator.routeros.dataplane import ruleset
 from atlantis_netcfg.emulator.routeros.network.topology import MAIN
 
 if TYPE_CHECKING:

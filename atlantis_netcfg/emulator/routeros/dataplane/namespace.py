@@ -11,7 +11,7 @@ from atlantis_netcfg.emulator.lab import hosts
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from atlantis_netcfg.emulator.dataplane.rows import NetworkState
+    from atlantis_netcfg.emulator.routeros.dataplane.rows import NetworkState
 
 _QUIET: Final = ("net.ipv4.icmp_ratelimit=0", "net.ipv4.conf.default.rp_filter=0", "net.ipv6.conf.all.disable_ipv6=1")
 _BRIDGE: Final = ("net.bridge.bridge-nf-call-iptables=0",)
@@ -65,10 +65,6 @@ class RouterNamespace:
         if result.returncode:
             raise hosts.MachineError(f"{' '.join(words)}: {result.stderr.strip() or f'ended with {result.returncode}'}")
         return result.stdout
-
-    def forget_connections(self) -> None:
-        """Drop all tracked connections, as RouterOS does for links that its scripts have left."""
-        self.run("conntrack", "-F")
 
     def _add_devices(self, state: NetworkState) -> None:
         lines = {
