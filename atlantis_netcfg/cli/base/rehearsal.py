@@ -28,7 +28,26 @@ def rehearse(
         session.show_plan(first)
     if first.exit is not ExitCode.DONE:
         return first
-    return _again(session, emulators, first)
+    report = _again(session, emulators, first)
+    return report if report.exit is not ExitCode.DONE else _try_flows(session, emulators, report)
+
+
+def _try_flows(session: CommandSession, emulators: Rehearsal, report: RunReport) -> RunReport:
+    """Send the packets of every flow through the configured rows, where this computer may make namespaces."""
+    from atlantis_netcfg.emulator import lab
+    from atlantis_netcfg.operations.flows import rehearsal
+
+    routers = rehearsal.routers_of(session.contacted_hosts)
+    if not routers:
+        return report
+    if why := lab.why_no_namespace():
+        limit = msg(f"packets: no flow was tried through the routers: {arg(why)}")
+        return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
+    if not session.as_json:
+        print(translate("Packets through the routers: what may pass, and what must not"), file=sys.stderr, flush=True)
+    flows = rehearsal.try_flows(session.inventory, routers, emulators.emulators)
+    devices = {name: {**result, **flows.get(name, {})} for name, result in report.devices.items()}
+    return replace(report, devices=devices)
 
 
 def announce(session: CommandSession) -> None:

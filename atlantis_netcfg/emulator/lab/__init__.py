@@ -14,7 +14,16 @@ missing, and `NOT_REHEARSED` what a machine cannot emulate.
 """
 
 from atlantis_netcfg.emulator.lab.hosts import NOT_REHEARSED, Machine, MachineError
-from atlantis_netcfg.emulator.lab.lab import OFF, Lab, missing_packages, open_lab, provide, why_not
+from atlantis_netcfg.emulator.lab.lab import (
+    OFF,
+    Lab,
+    missing_packages,
+    open_lab,
+    provide,
+    reserve_name,
+    why_no_namespace,
+    why_not,
+)
 from atlantis_netcfg.emulator.lab.relay import RelayTraffic
 from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, build_rootfs
 
@@ -30,5 +39,7 @@ __all__ = [
     "missing_packages",
     "open_lab",
     "provide",
+    "reserve_name",
+    "why_no_namespace",
     "why_not",
 ]

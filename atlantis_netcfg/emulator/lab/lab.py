@@ -38,6 +38,7 @@ _PROGRAMS = {
     "mount": "mount",
     "git": "git",
     "gpg": "gnupg",
+    "nft": "nftables",
 }
 """Program to the Debian package that provides it; stub packages are served from signed repositories."""
 _KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
@@ -223,15 +224,26 @@ def open_lab(folder: Path) -> Iterator[Lab]:
     if (reason := why_not()) is not None:
         raise hosts.MachineError(f"no machine can be run here: {reason}")
     folder.mkdir(parents=True, exist_ok=True)
-    reaper.YARDS.mkdir(parents=True, exist_ok=True)
-    reaper.sweep()
-    with _reserve_name() as name, ExitStack() as stack:
+    with reserve_name() as name, ExitStack() as stack:
         yield Lab(name, folder, stack)
 
 
+def why_no_namespace(environ: Mapping[str, str] | None = None) -> str | None:
+    """Return why no network namespace with a firewall can be made here, in a few words, or None."""
+    missing = {"ip": "iproute2", "nft": "nftables", "bridge": "iproute2", "sysctl": "procps"}
+    packages = sorted({package for name, package in missing.items() if shutil.which(name) is None})
+    if why := _disabled_reason(environ):
+        return why
+    if packages:
+        return f"missing: apt install {' '.join(packages)}"
+    return "this computer may not make namespaces" if hosts.output_of(("unshare", "--net", "true")).returncode else None
+
+
 @contextmanager
-def _reserve_name() -> Iterator[str]:
+def reserve_name() -> Iterator[str]:
     """Reserve a lab name, with a keeper process that removes everything with that name after this process."""
+    reaper.YARDS.mkdir(parents=True, exist_ok=True)
+    reaper.sweep()
     name = f"{reaper.PREFIX}{os.getpid()}-{next(_NUMBERS)}"
     newborn = reaper.YARDS / f".{name}"  # nobody's to sweep until its owner holds the lock
     newborn.mkdir(exist_ok=True)

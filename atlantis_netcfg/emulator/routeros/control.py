@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.routeros.answers import Trap
+from atlantis_netcfg.emulator.routeros.dataplane.rows import network_state
 from atlantis_netcfg.emulator.routeros.environment import update_surroundings
 from atlantis_netcfg.emulator.routeros.modem import update_modem
 from atlantis_netcfg.emulator.routeros.network.traffic import carry
@@ -157,6 +158,10 @@ async def _carry(router: EmulatedRouter, **flow: Any) -> dict[str, Any]:  # noqa
     return carry(router.device.core, **flow)
 
 
+async def _network(router: EmulatedRouter) -> dict[str, Any]:
+    return asdict(network_state(router.device.core.topology.with_all_linked()))
+
+
 async def _is_wrapped(router: EmulatedRouter, interface: str) -> bool:
     return router.device.is_wrapped(interface)
 
@@ -185,5 +190,6 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "recertify": _recertify,
     "rekey": _rekey,
     "wrapped": _is_wrapped,
+    "network": _network,
 }
 """Values of `do`; the parameters of the function are the command's arguments."""

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 DDS_QUESTION: Final = 1
 """DSCP of the echo by which a gateway asks whether DDS may cross the link in use."""
+UNSPECIFIED: Final = IPv4Address("0.0.0.0")
 SSH: Final = 22
 DNS, DHCP_SERVER, NTP, HTTPS = 53, 67, 123, 443
 
@@ -56,10 +57,12 @@ class PacketFlow:
     protocol: str
     port: int = 0
     dscp: int = 0
+    is_broken: bool = False
+    """TCP flags that no connection begins with."""
 
     def __str__(self) -> str:
         what = "ping" if self.protocol == "icmp" else f"{self.protocol} {self.port}"
-        what += f" with DSCP {self.dscp}" if self.dscp else ""
+        what += (f" with DSCP {self.dscp}" if self.dscp else "") + (" with impossible flags" if self.is_broken else "")
         return f"{self.source.name} to {self.destination.name}, {what}"
 
 
@@ -137,7 +140,7 @@ class RouterIntent:
         source, destination = flow.source.area, flow.destination.area
         if source is Area.ROUTER:
             return destination is not Area.INTERNET or self._may_leave(flow)
-        if not self._belongs(flow.source):
+        if flow.is_broken or not self.belongs(flow.source):
             return False
         if destination is Area.ROUTER:
             return self._may_speak_to_router(flow)
@@ -150,8 +153,10 @@ class RouterIntent:
             return destination in {Area.LAN, Area.SERVED} or (destination is Area.VPN and self.has_server)
         return source is Area.VPN and destination is Area.LAN and self.tunnel is not None
 
-    def _belongs(self, source: Station) -> bool:
+    def belongs(self, source: Station) -> bool:
         """Return whether an address is where packets with it may come from."""
+        if source.area is Area.ROUTER or source.address == UNSPECIFIED:
+            return source.area in {Area.ROUTER, Area.LAN}  # without address: it asks for one
         networks = {
             Area.LAN: (self.site.lan.network,),
             Area.MANAGEMENT: (self.site.management.network,),
@@ -159,7 +164,8 @@ class RouterIntent:
             Area.VPN: self.remotes,
         }
         if source.area is Area.INTERNET:
-            inner = (self.site.lan.network, self.site.management.network, *self.remotes)
+            served = (link.network for link in self.site.served_links)
+            inner = (self.site.lan.network, self.site.management.network, *self.remotes, *served)
             return not any(source.address in network for network in inner)
         return any(source.address in network for network in networks[source.area])
 
@@ -168,6 +174,8 @@ class RouterIntent:
         management = {("tcp", SSH), ("tcp", self.api_port), ("icmp", 0)}
         if what in management and self._may_manage(source):
             return True
+        if source.address == UNSPECIFIED:
+            return what == ("udp", DHCP_SERVER)
         if source.area is Area.LAN:
             return what in {("icmp", 0), ("udp", DNS), ("udp", DHCP_SERVER), ("tcp", DNS)}
         radios = [link.network for link in self.site.bearers if link.kind is model.LinkKind.WIFI_PTP]
@@ -216,6 +224,17 @@ class RouterIntent:
         port = None if flow.protocol == "icmp" else flow.port
         transport = model.Transport.TCP if flow.protocol == "tcp" else model.Transport.UDP
         return admits(targets, flow.destination.address, port, transport)
+
+    def goes_first(self, flow: PacketFlow, link: model.Link) -> bool:
+        """Return whether a packet is control traffic on a slow link, or of a host with a share of its own there."""
+        if not link.thin:
+            return False
+        vpn, what = self.inventory.pilot.vpn, (flow.protocol, flow.port)
+        if flow.destination.address == vpn.endpoint and what == (vpn.transport.value, vpn.port):
+            return True
+        shares = set(model.TrafficClass) - {model.TrafficClass.CONTROL}
+        hosts = {row.address for row in self.site.lan.reservations if row.traffic in shares}
+        return flow.source.address in hosts or what in {("udp", DNS), ("udp", NTP)}
 
     def forwarded_to(self, flow: PacketFlow) -> IPv4Address | None:
         """Return the LAN host to which a packet for an outer address is forwarded, whoever sends it."""

@@ -7,23 +7,13 @@ from dataclasses import dataclass, replace
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.emulator.routeros.dataplane import packets
+from atlantis_netcfg.emulator.routeros.dataplane import bench, packets
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.operations.flows.intent import (
-    DDS_QUESTION,
-    DHCP_SERVER,
-    DNS,
-    HTTPS,
-    NTP,
-    SSH,
-    Area,
-    PacketFlow,
-    RouterIntent,
-    Station,
-)
+from atlantis_netcfg.operations.flows import intent as intents
+from atlantis_netcfg.operations.flows.intent import Area, PacketFlow, RouterIntent, Station
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespace
     from atlantis_netcfg.emulator.routeros.dataplane.rows import NetworkState
@@ -31,8 +21,33 @@ if TYPE_CHECKING:
 
 _STRANGERS: Final = (IPv4Address("198.51.100.200"), IPv4Address("192.0.2.77"))
 """Addresses of nobody (RFC 5737)."""
+_EVERYBODY: Final = IPv4Address("255.255.255.255")
 _NARROW_MSS: Final = 1300
 _DEFAULT_ROUTE: Final = "0.0.0.0/0 table 254 "
+_FIRST_PORT: Final = 20_000
+"""Lowest port of those who begin flows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a packet comes out of the router."""
+
+    place: str
+    source: IPv4Address | None = None
+    """After source NAT; None at the router itself."""
+    mss: int = 0
+    """Segment size that TCP may offer; 0 for others."""
+    is_first: bool = False
+    """Control traffic on a slow link: it is marked, so that its queue lets it go first."""
+
+    def __str__(self) -> str:
+        words = (
+            self.place,
+            f"from {self.source}" if self.source is not None else "",
+            f"with MSS {self.mss}" if self.mss else "",
+            "marked" if self.is_first else "",
+        )
+        return " ".join(filter(None, words))
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +55,11 @@ class Difference:
     """A flow that did not do what the inventory intends."""
 
     flow: PacketFlow
-    expected: frozenset[packets.Arrival]
-    """Where its first packet should come out; empty: nowhere."""
-    actual: frozenset[packets.Arrival]
+    is_reply: bool
+    """It is the reply that differs: the first packet arrived."""
+    expected: Outcome | None
+    """None: it has to be dropped."""
+    actual: tuple[Outcome, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,36 +71,42 @@ class MatrixResult:
     flows: int
     passed: int
     """Flows that arrived, as intended."""
+    replies: int
+    """Replies to them that were sent."""
     differences: tuple[Difference, ...]
 
 
 def try_flows(
     inventory: Inventory, host: Host, link: model.Link, namespace: RouterNamespace, state: NetworkState
 ) -> MatrixResult:
-    """Send the first packet of every flow through the router's namespace; `state`: its rows, with the tunnel up."""
+    """Send the first packet of every flow through the router's namespace, then the replies to those that arrived.
+
+    `state`: the router's rows, with the tunnel up.
+    """
     intent = RouterIntent(inventory, host, link)
     namespace.apply(_with_link_in_use(state, intent))
     flows = list(_flows(intent))
-    with packets.PacketBench(namespace, _neighbours(intent)) as bench:
-        arrivals = bench.send(
-            packets.FirstPacket(
-                packets.ROUTER if flow.source.area is Area.ROUTER else flow.source.port,
-                flow.source.address,
-                flow.destination.address,
-                flow.protocol,
-                flow.port,
-                flow.dscp,
-            )
-            for flow in flows
+    expected = [_expected(intent, flow) for flow in flows]
+    with bench.PacketBench(namespace, _neighbours(intent)) as stand:
+        arrivals = stand.send((_entry(flow.source), _packet(flow, number)) for number, flow in enumerate(flows))
+        actual = [_outcomes(arrivals.get(number, ()), is_reply=False) for number in range(len(flows))]
+        good = [number for number in range(len(flows)) if expected[number] and actual[number] == (expected[number],)]
+        replies = dict(_replies(intent, flows, good, arrivals))
+        came_back = stand.send(
+            (place, packet.reply(len(flows) + number)) for number, (place, packet) in replies.items()
         )
-    expectations = [_expected(intent, flow) for flow in flows]
-    differences = tuple(
-        Difference(flow, expected, actual)
-        for flow, expected, actual in zip(flows, expectations, arrivals, strict=True)
-        if expected != actual
-    )
-    passed = sum(bool(expected) and expected == actual for expected, actual in zip(expectations, arrivals, strict=True))
-    return MatrixResult(host.name, link.name, len(flows), passed, differences)
+    first = [
+        Difference(flow, False, wanted, found)
+        for flow, wanted, found in zip(flows, expected, actual, strict=True)
+        if found != (() if wanted is None else (wanted,))
+    ]
+    returns = ((number, _outcomes(came_back.get(len(flows) + number, ()), is_reply=True)) for number in replies)
+    second = [
+        Difference(flows[number], True, wanted, found)
+        for number, found in returns
+        if found != ((wanted := _expected_reply(intent, flows[number])),)
+    ]
+    return MatrixResult(host.name, link.name, len(flows), len(good), len(replies), (*first, *second))
 
 
 def _with_link_in_use(state: NetworkState, intent: RouterIntent) -> NetworkState:
@@ -94,34 +117,95 @@ def _with_link_in_use(state: NetworkState, intent: RouterIntent) -> NetworkState
     return replace(state, routes=(*others, default))
 
 
-def _expected(intent: RouterIntent, flow: PacketFlow) -> frozenset[packets.Arrival]:
+# --- packets -------------------------------------------------------------------------------------------------------
+
+
+def _entry(station: Station) -> str:
+    return bench.ROUTER if station.area is Area.ROUTER else station.port
+
+
+def _packet(flow: PacketFlow, number: int) -> packets.Packet:
+    return packets.Packet(
+        flow.source.address,
+        flow.destination.address,
+        flow.protocol,
+        number,
+        _FIRST_PORT + number,
+        flow.port,
+        flags=packets.SYN | packets.FIN if flow.is_broken else packets.SYN,
+        mss=packets.FULL_MSS if flow.protocol == "tcp" else 0,
+        dscp=flow.dscp,
+    )
+
+
+def _outcomes(arrivals: Sequence[bench.Arrival], *, is_reply: bool) -> tuple[Outcome, ...]:
+    """Return what came out; replies of the router itself to first packets do not count."""
+    return tuple(
+        Outcome(item.place)
+        if item.packet is None
+        else Outcome(item.place, item.packet.source, item.packet.mss, item.is_marked)
+        for item in arrivals
+        if is_reply or item.packet is None or not item.packet.is_reply
+    )
+
+
+def _replies(
+    intent: RouterIntent,
+    flows: Sequence[PacketFlow],
+    good: Sequence[int],
+    arrivals: Mapping[int, Sequence[bench.Arrival]],
+) -> Iterator[tuple[int, tuple[str, packets.Packet]]]:
+    """Yield the flows whose replies pass the router again: where they arrived, and as what."""
+    for number in good:
+        flow, arrival = flows[number], arrivals[number][0]
+        # What turns round on a bridge is replied to without the router, and an impostor's reply goes to the real one.
+        is_direct = arrival.place == flow.source.port and intent.forwarded_to(flow) is None
+        if arrival.packet is not None and not is_direct and intent.belongs(flow.source):
+            yield number, (arrival.place, arrival.packet)
+
+
+# --- expectations --------------------------------------------------------------------------------------------------
+
+
+def _expected(intent: RouterIntent, flow: PacketFlow) -> Outcome | None:
     """Return where a packet has to come out, with which source after NAT, and which segment size it may offer."""
     source, site = flow.source, intent.site
     if intent.forwarded_to(flow) is not None:
         # From the LAN too, its replies come back through the router.
         address = site.lan.gateway if source.address in site.lan.network else source.address
-        return frozenset({packets.Arrival(intent.lan_port, address, _mss(intent, flow, intent.lan_port))})
+        return Outcome(intent.lan_port, address, _mss(intent, flow, _entry(source), intent.lan_port))
     if not intent.allows(flow):
-        return frozenset()
+        return None
     if flow.destination.area is Area.ROUTER:
-        return frozenset({packets.Arrival(packets.ROUTER)})
-    place, address = flow.destination.port, source.address
+        return Outcome(bench.ROUTER)
+    place, address, is_first = flow.destination.port, source.address, False
     if flow.destination.area is Area.INTERNET:
         link = intent.link_to(flow)
-        place, address = intent.link_ports[link.name], link.address
+        place, address, is_first = intent.link_ports[link.name], link.address, intent.goes_first(flow, link)
     elif flow.destination.area is Area.SERVED and source.address in site.management.network:
         address = next(link.address for link in site.served_links if intent.link_ports[link.name] == place)
-    return frozenset({packets.Arrival(place, address, _mss(intent, flow, place))})
+    return Outcome(place, address, _mss(intent, flow, _entry(source), place), is_first)
 
 
-def _mss(intent: RouterIntent, flow: PacketFlow, place: str) -> int:
+def _expected_reply(intent: RouterIntent, flow: PacketFlow) -> Outcome:
+    """Return where the reply to a flow has to come out: as from whom the flow was sent to."""
+    if flow.source.area is Area.ROUTER:
+        return Outcome(bench.ROUTER)
+    server, source = intent.forwarded_to(flow), flow.source
+    way_in = intent.lan_port if server is not None else flow.destination.port
+    if server is None and flow.destination.area is Area.INTERNET:
+        way_in = intent.link_ports[intent.link_to(flow).name]
+    mss = _mss(intent, flow, way_in, source.port)
+    return Outcome(source.port, flow.destination.address, mss)
+
+
+def _mss(intent: RouterIntent, flow: PacketFlow, *ways: str) -> int:
     """Return the segment size offered at the far end: satellite and tunnel leave room for their own headers."""
     if flow.protocol != "tcp":
         return 0
     satellites = [link.name for link in intent.site.bearers if link.kind.traits.allow_list]
     narrow = {intent.tunnel, *(intent.link_ports[name] for name in satellites)}
-    ways = {place} if flow.source.area is Area.ROUTER else {place, flow.source.port}
-    return _NARROW_MSS if narrow & ways else packets.FULL_MSS
+    return _NARROW_MSS if narrow & set(ways) else packets.FULL_MSS
 
 
 # --- stations ------------------------------------------------------------------------------------------------------
@@ -201,16 +285,23 @@ def _impostors(intent: RouterIntent) -> Iterator[Station]:
 
 def _flows(intent: RouterIntent) -> Iterator[PacketFlow]:
     stations = list(_stations(intent))
+    everybody = Station("everybody in the LAN", _EVERYBODY, Area.ROUTER, intent.lan_port)
+    yield PacketFlow(
+        Station("LAN host without address", intents.UNSPECIFIED, Area.LAN, intent.lan_port),
+        everybody,
+        "udp",
+        intents.DHCP_SERVER,
+    )
     senders = {(station.address, station.port): station for station in (*stations, *_impostors(intent))}
     dds = intent.inventory.pilot.dds
     ports = {
         "icmp": (0,),
-        "tcp": (SSH, DNS, 80, HTTPS, intent.api_port, intent.inventory.pilot.vpn.port, 5201),
+        "tcp": (intents.SSH, intents.DNS, 80, intents.HTTPS, intent.api_port, intent.inventory.pilot.vpn.port, 5201),
         "udp": (
-            DNS,
-            DDS_QUESTION,
-            DHCP_SERVER,
-            NTP,
+            intents.DNS,
+            intents.DDS_QUESTION,
+            intents.DHCP_SERVER,
+            intents.NTP,
             intent.inventory.pilot.vpn.port,
             862,
             7400,
@@ -226,8 +317,20 @@ def _flows(intent: RouterIntent) -> Iterator[PacketFlow]:
             for protocol, numbers in ports.items():
                 for port in dict.fromkeys(numbers):
                     yield PacketFlow(source, destination, protocol, port)
+            if source not in routers and _can_be_broken(intent, destination):
+                yield PacketFlow(source, destination, "tcp", intents.DNS, is_broken=True)
             if destination.area is Area.INTERNET:
-                yield PacketFlow(source, destination, "icmp", dscp=DDS_QUESTION)
+                yield PacketFlow(source, destination, "icmp", dscp=intents.DDS_QUESTION)
+
+
+def _can_be_broken(intent: RouterIntent, destination: Station) -> bool:
+    """Return whether the router has to drop what no connection begins with.
+
+    Beside the VPN server it sees one direction only, and a terminal's own pages are accepted before that is looked at.
+    """
+    terminals = [link.network for link in intent.site.bearers if link.kind.traits.allow_list]
+    is_beside_server = destination.area is Area.VPN and intent.has_server
+    return not is_beside_server and not any(destination.address in network for network in terminals)
 
 
 def _are_beside(source: Station, destination: Station) -> bool:

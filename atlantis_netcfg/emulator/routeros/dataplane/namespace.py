@@ -93,17 +93,18 @@ def _removals(old: NetworkState, new: NetworkState) -> list[str]:
         *(f"route del {line}" for line in old.routes if line not in new.routes),
         *(f"address del {line}" for line in old.addresses if line not in new.addresses),
         *(f"link set {port} nomaster" for port, bridge in old.masters if (port, bridge) not in new.masters),
-        *(f"link set {name} down" for name in sorted(old.up - new.up)),
+        *(f"link set {name} down" for name in old.up if name not in new.up),
         *(f"link del {name}" for name in old.bridges if name not in new.bridges),
     ]
 
 
 def _additions(old: NetworkState | None, new: NetworkState) -> list[str]:
-    known = (old.masters, old.up, old.addresses, old.rules) if old is not None else ((), frozenset(), (), ())
-    masters, up, addresses, rules = known
+    masters, up, addresses, rules = (
+        (old.masters, old.up, old.addresses, old.rules) if old is not None else ((), (), (), ())
+    )
     return [
         *(f"link set {port} master {bridge}" for port, bridge in new.masters if (port, bridge) not in masters),
-        *(f"link set {name} up" for name in sorted(new.up - up)),
+        *(f"link set {name} up" for name in new.up if name not in up),
         *(f"address replace {line}" for line in new.addresses if line not in addresses),
         *(f"rule add {line}" for line in new.rules if line not in rules),
         *(f"route replace {line}" for line in new.routes),

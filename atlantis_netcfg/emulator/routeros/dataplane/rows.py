@@ -37,7 +37,7 @@ class NetworkState:
     """All other devices: each has a plug for a cable."""
     masters: tuple[tuple[str, str], ...]
     """Each port of a bridge, and the bridge."""
-    up: frozenset[str]
+    up: tuple[str, ...]
     """Devices that are enabled."""
     addresses: tuple[str, ...]
     rules: tuple[str, ...]
@@ -71,7 +71,7 @@ def network_state(topology: Topology) -> NetworkState:
         tunnels=tuple(kinds["tunnels"]),
         ports=tuple(kinds["ports"]),
         masters=tuple((devices[item.id], devices[item.master]) for item in every if item.master is not None),
-        up=frozenset(devices[item.id] for item in every if item.is_enabled),
+        up=tuple(devices[item.id] for item in every if item.is_enabled),
         addresses=tuple(_addresses(topology, devices)),
         rules=tuple(_rules(topology, tables, devices)),
         routes=tuple(dict.fromkeys(line for route in topology.routes for line in _route(route, tables, devices))),

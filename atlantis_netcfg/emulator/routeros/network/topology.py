@@ -91,6 +91,10 @@ class Topology:
         self.routes = [*self._connected_routes(), *self._static()]
         self._decide()
 
+    def with_all_linked(self) -> Topology:
+        """Return the state in which every radio and tunnel has a peer, and every gateway responds."""
+        return Topology(self.store, frozenset(self.interfaces))
+
     # --- interfaces ------------------------------------------------------------------------------------------------
 
     def _interfaces(self) -> Iterator[Interface]:

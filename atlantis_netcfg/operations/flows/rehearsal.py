@@ -1,0 +1,93 @@
+"""The flows of a rehearsal: packets through the rows that the emulated routers have after the run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import TypeAdapter
+
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.emulator import lab
+from atlantis_netcfg.emulator.lab import hosts as machines
+from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespace
+from atlantis_netcfg.emulator.routeros.dataplane.rows import NetworkState
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.operations.flows import matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from atlantis_netcfg.emulator.routeros import SpawnedSite
+    from atlantis_netcfg.inventory import Host, Inventory
+
+_STATES = TypeAdapter(NetworkState)
+_SHOWN = 20
+"""Differences in the result of a router; more have the same cause."""
+
+
+def routers_of(hosts: Iterable[Host]) -> list[Host]:
+    """Return the hosts that are routers of sites."""
+    return [host for host in hosts if isinstance(host.device, model.Router)]
+
+
+def try_flows(inventory: Inventory, routers: Sequence[Host], emulators: SpawnedSite) -> dict[str, dict[str, Any]]:
+    """Return by router what became of its flows, as fields of its result. Raises MachineError."""
+    results: dict[str, dict[str, Any]] = {}
+    with lab.reserve_name() as name:
+        for host in routers:
+            state = _STATES.validate_python(emulators.do(host.name, "network"))
+            links = inventory.sites[host.site].bearers
+            tried = [_try_link(inventory, host, link, f"{name}-{number}", state) for number, link in enumerate(links)]
+            results[host.name] = _fields(tried, state.untranslated)
+    return results
+
+
+def _try_link(
+    inventory: Inventory, host: Host, link: model.Link, namespace: str, state: NetworkState
+) -> matrix.MatrixResult:
+    """Try the flows while a link is in use, in a namespace of its own: it remembers no connection of another one."""
+    machines.add_namespace(namespace)
+    try:
+        return matrix.try_flows(inventory, host, link, RouterNamespace(namespace), state)
+    finally:
+        machines.delete_namespace(namespace)
+
+
+def _fields(results: Sequence[matrix.MatrixResult], untranslated: Sequence[str]) -> dict[str, Any]:
+    differences = [(result.link, difference) for result in results for difference in result.differences]
+    total = sum(result.flows for result in results)
+    flows: dict[str, Any] = {
+        "tried": total,
+        "arrived": sum(result.passed for result in results),
+        "links": [result.link for result in results],
+        "differences": [f"{link}: {_describe(difference)}" for link, difference in differences[:_SHOWN]],
+        "not_rehearsed": list(untranslated),
+    }
+    if not differences:
+        return {"flows": {**flows, "words": _passed(results)}}
+    link, first = differences[0]
+    words = msg(
+        f"{arg(len(differences))} of {arg(total)} flows do not do what the inventory intends; over {arg(link)}: "
+        f"{arg(_describe(first))}"
+    )
+    hint = "the device was configured, but its rows let through something else: report this before you use them"
+    return {"flows": flows, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": hint}
+
+
+def _passed(results: Sequence[matrix.MatrixResult]) -> str:
+    total, passed = (sum(getattr(result, name) for result in results) for name in ("flows", "passed"))
+    return msg(
+        f"{arg(total)} flows over {arg(len(results))} link{'s' if len(results) != 1 else ''} tried with packets: "
+        f"{arg(passed)} pass, all others are dropped, as the inventory intends"
+    )
+
+
+def _describe(difference: matrix.Difference) -> str:
+    flow = msg(f"the reply to {arg(difference.flow)}") if difference.is_reply else str(difference.flow)
+    actual = ", ".join(map(str, difference.actual))
+    if difference.expected is None:
+        return msg(f"{arg(flow)}: arrives at {arg(actual)}, but has to be dropped")
+    if not difference.actual:
+        return msg(f"{arg(flow)}: dropped, but has to arrive at {arg(difference.expected)}")
+    return msg(f"{arg(flow)}: arrives at {arg(actual)} instead of {arg(difference.expected)}")
