@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 DDS_QUESTION: Final = 1
 """DSCP of the echo by which a gateway asks whether DDS may cross the link in use."""
-UNSPECIFIED: Final = IPv4Address("0.0.0.0")
+UNSPECIFIED: Final = IPv4Address(0)
+"""0.0.0.0: who has no address yet."""
 SSH: Final = 22
 DNS, DHCP_SERVER, NTP, HTTPS = 53, 67, 123, 443
 
@@ -146,6 +147,11 @@ class RouterIntent:
             return self._may_speak_to_router(flow)
         if destination is Area.INTERNET:
             return source in {Area.LAN, Area.MANAGEMENT, Area.SERVED} and self._may_leave(flow)
+        return self._may_go_inside(flow)
+
+    def _may_go_inside(self, flow: PacketFlow) -> bool:
+        """Return whether a flow may go to the LAN, to the radios of a served link, or into the VPN."""
+        source, destination = flow.source.area, flow.destination.area
         if source is Area.LAN:
             return destination is Area.VPN and self._may_enter_vpn(flow)
         if source is Area.MANAGEMENT:

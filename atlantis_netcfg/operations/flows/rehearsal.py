@@ -61,7 +61,7 @@ def _fields(results: Sequence[matrix.MatrixResult], untranslated: Sequence[str])
         "tried": total,
         "arrived": sum(result.passed for result in results),
         "links": [result.link for result in results],
-        "differences": [f"{link}: {_describe(difference)}" for link, difference in differences[:_SHOWN]],
+        "differences": [f"{link}: {describe(difference)}" for link, difference in differences[:_SHOWN]],
         "not_rehearsed": list(untranslated),
     }
     if not differences:
@@ -69,7 +69,7 @@ def _fields(results: Sequence[matrix.MatrixResult], untranslated: Sequence[str])
     link, first = differences[0]
     words = msg(
         f"{arg(len(differences))} of {arg(total)} flows do not do what the inventory intends; over {arg(link)}: "
-        f"{arg(_describe(first))}"
+        f"{arg(describe(first))}"
     )
     hint = "the device was configured, but its rows let through something else: report this before you use them"
     return {"flows": flows, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": hint}
@@ -83,7 +83,8 @@ def _passed(results: Sequence[matrix.MatrixResult]) -> str:
     )
 
 
-def _describe(difference: matrix.Difference) -> str:
+def describe(difference: matrix.Difference) -> str:
+    """Return what a flow did, and what it should have done."""
     flow = msg(f"the reply to {arg(difference.flow)}") if difference.is_reply else str(difference.flow)
     actual = ", ".join(map(str, difference.actual))
     if difference.expected is None:

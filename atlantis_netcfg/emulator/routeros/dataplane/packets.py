@@ -49,22 +49,17 @@ class Packet:
     """Of TCP; 0 for others."""
     dscp: int = 0
     is_reply: bool = False
+    """Of UDP it does not show."""
 
     def reply(self, number: int) -> Packet:
         """Return what the destination would answer."""
-        return replace(
-            self,
-            source=self.destination,
-            destination=self.source,
-            number=number,
-            source_port=self.destination_port if self.protocol != "icmp" else self.source_port,
-            destination_port=self.source_port if self.protocol != "icmp" else 0,
-            flags=SYN | ACK,
-            acknowledged=self.number + 1,
-            mss=FULL_MSS if self.protocol == "tcp" else 0,
-            dscp=0,
-            is_reply=True,
-        )
+        answer = replace(self, source=self.destination, destination=self.source, number=number, dscp=0)
+        if self.protocol == "icmp":
+            return replace(answer, is_reply=True)
+        answer = replace(answer, source_port=self.destination_port, destination_port=self.source_port)
+        if self.protocol == "udp":
+            return answer
+        return replace(answer, flags=SYN | ACK, acknowledged=self.number + 1, mss=FULL_MSS, is_reply=True)
 
     def encode(self) -> bytes:
         """Return the IP packet."""

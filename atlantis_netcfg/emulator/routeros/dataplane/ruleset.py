@@ -304,7 +304,7 @@ def _limit(value: str) -> str:
     rate, _, burst = value.removesuffix(":packet").partition(",")
     count, _, unit = rate.partition("/")
     units = {"": "second", "1s": "second", "1m": "minute", "1h": "hour", "1d": "day"}
-    if unit not in units or not burst:
+    if unit not in units or not burst.isdecimal():
         raise UntranslatableRow(f"unknown limit {value}")
     return f"limit rate {count}/{units[unit]} burst {burst} packets"
 

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from ipaddress import ip_address, ip_network
 
-from nft_translation import Rule, Ruleset
+from atlantis_netcfg.emulator.routeros.dataplane.ruleset import FILTER, Rule, Ruleset
 
 _BITS = {"srcnat": 0x10, "dstnat": 0x20}
 
@@ -56,7 +56,9 @@ def passes(ruleset: Ruleset, chain: str, packet: Nft) -> bool:
 
 def _walk(ruleset: Ruleset, chain: str, packet: Nft) -> str | None:
     for rule in ruleset.rules:
-        if rule.chain != chain or not all(_holds(ruleset, match, packet) for match in rule.matches):
+        if (rule.menu, rule.chain.replace("-", "_")) != (FILTER, chain) or not all(
+            _holds(ruleset, match, packet) for match in rule.matches
+        ):
             continue
         verdict = _verdict(ruleset, rule, packet)
         if verdict == "return":
@@ -71,8 +73,8 @@ def _verdict(ruleset: Ruleset, rule: Rule, packet: Nft) -> str | None:
         return rule.action
     if rule.action.startswith("reject "):
         return "reject"
-    if rule.action.startswith("jump c_"):
-        return _walk(ruleset, rule.action.removeprefix("jump c_"), packet)
+    if rule.action.startswith("jump filter_"):
+        return _walk(ruleset, rule.action.removeprefix("jump filter_"), packet)
     assert rule.action.startswith("log "), rule.action
     return None
 

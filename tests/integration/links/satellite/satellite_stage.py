@@ -112,7 +112,7 @@ class Stage:
 
     def load(self, export: Export) -> None:
         """Put the firewall of a text in the router's place, and forget every connection."""
-        self.run("router", "nft", "-f", "-", text=f"flush ruleset\n{translate(export).text()}\n")
+        self.run("router", "nft", "-f", "-", text=f"flush ruleset\n{translate(export).text()}")
         self.forget()
 
     def forget(self) -> None:

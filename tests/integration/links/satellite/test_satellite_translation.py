@@ -137,7 +137,7 @@ def test_the_sites_own_filter_is_decided_alike(site: str, packet: Packet, chain:
 
 
 def test_unknown_matcher_is_refused() -> None:
-    for words in ("action=accept time=1h-2h,mon", "action=tarpit", "action=accept layer7-protocol=x"):
+    for words in ("action=accept time=1h-2h,mon", "action=add-src-to-address-list", "action=accept layer7-protocol=x"):
         with pytest.raises(ValueError, match="unknown"):
             translate(rsc.parse(f"/ip firewall filter\nadd chain=forward {words}\n"))
 
