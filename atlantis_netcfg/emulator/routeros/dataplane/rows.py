@@ -13,7 +13,7 @@ from atlantis_netcfg.emulator.routeros.dataplane import ruleset
 from atlantis_netcfg.emulator.routeros.network.topology import MAIN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from atlantis_netcfg.emulator.routeros.network.topology import Route, Topology
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
@@ -58,9 +58,9 @@ def devices_of(topology: Topology) -> dict[int, str]:
 
 def network_state(topology: Topology) -> NetworkState:
     """Compute the state for the rows as they are now."""
-    tables = {number: _FIRST_TABLE + place for place, number in enumerate(_table_ids(topology))}
+    tables = _table_numbers(topology)
     devices = devices_of(topology)
-    rules = ruleset.translate(_firewall_rows(topology), _names(topology, tables, devices))
+    rules = firewall(topology, firewall_rows(topology))
     kinds: dict[str, list[str]] = {"bridges": [], "tunnels": [], "ports": []}
     every = [interface for interface in topology.interfaces.values() if interface.menu != "/interface"]  # `lo`
     for interface in every:
@@ -79,6 +79,15 @@ def network_state(topology: Topology) -> NetworkState:
         firewall=rules.text(),
         untranslated=rules.untranslated,
     )
+
+
+def firewall(topology: Topology, rows: Iterable[ruleset.Row]) -> ruleset.Ruleset:
+    """Translate rows of the firewall, with the interfaces, lists and routing tables of a router."""
+    return ruleset.translate(rows, _names(topology, _table_numbers(topology), devices_of(topology)))
+
+
+def _table_numbers(topology: Topology) -> dict[int, int]:
+    return {number: _FIRST_TABLE + place for place, number in enumerate(_table_ids(topology))}
 
 
 def _table_ids(topology: Topology) -> Iterator[int]:
@@ -155,13 +164,15 @@ def _settings(topology: Topology) -> Iterator[str]:
     yield f"net.ipv4.ip_forward={int(forward != 'no')}"
 
 
-def _firewall_rows(topology: Topology) -> Iterator[ruleset.Row]:
+def firewall_rows(topology: Topology) -> list[ruleset.Row]:
+    """Return all rows of the firewall, menu by menu, in their order."""
     store = topology.store
-    for menu in ruleset.MENUS:
-        table = store.table(menu)
-        for item in table.items:
-            values = {name: store.text(table, item, name) or "" for name in item.values}
-            yield ruleset.Row(menu, values)
+    return [
+        ruleset.Row(menu, {name: store.text(table, item, name) or "" for name in item.values})
+        for menu in ruleset.MENUS
+        for table in [store.table(menu)]
+        for item in table.items
+    ]
 
 
 def _names(topology: Topology, tables: dict[int, int], devices: dict[int, str]) -> ruleset.Names:

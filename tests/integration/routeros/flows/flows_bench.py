@@ -25,13 +25,17 @@ def inventory() -> Inventory:
 
 def rows(declared: Inventory, site: str, edit: Callable[[str], str] = str) -> NetworkState:
     """What the rows of a site's router say, after a change of the rendered text."""
+    return network_state(device(declared, site, edit).core.topology.with_all_linked())
+
+
+def device(declared: Inventory, site: str, edit: Callable[[str], str] = str) -> Device:
+    """The router of a site, configured."""
     host = declared.hosts[f"{site}-router"]
     text = edit(router(declared, host))
     spec = next(item.router for item in site_spec(declared, [host], None).emulators)
     # In the place of the management address, which the text has, too.
     elsewhere = ManagementSpec(address="192.168.88.1/24", port=spec.management.port, technician="192.168.88.10")
-    device = Device(spec.model_copy(update={"seed": text, "management": elsewhere}), time.monotonic)
-    return network_state(device.core.topology.with_all_linked())
+    return Device(spec.model_copy(update={"seed": text, "management": elsewhere}), time.monotonic)
 
 
 def try_site(declared: Inventory, site: str, state: NetworkState, *links: str) -> list[matrix.MatrixResult]:
