@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from difflib import unified_diff
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core import errors
+from atlantis_netcfg.core import errors, messages, remote_messages
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.operations.apply import RunName, SiteRun
@@ -75,7 +75,7 @@ class ComputerResult:
 
     def fail(self, task: str, values: Mapping[str, Any], status: Status) -> None:
         """Record why a task failed."""
-        words = str(values.get("msg") or "no reason was given").strip()
+        words = _text(values.get("msg")) or "no reason was given"
         self.failure = msg(f"{arg(task)}: {arg(words)}")
         self.hint = str(values["hint"]) if values.get("hint") else None
         self.changes += [str(change) for change in values.get("changes") or ()]
@@ -83,7 +83,7 @@ class ComputerResult:
 
     def not_reached(self, values: Mapping[str, Any]) -> None:
         """Record why the connection failed, in short form; the computer is unchanged."""
-        words = str(values.get("msg") or "no response").strip()
+        words = _text(values.get("msg")) or "no response"
         self.hint = str(values["hint"]) if values.get("hint") else None
         if (trouble := key_trouble(self.name, words)) is not None:
             words, self.hint = trouble
@@ -159,7 +159,7 @@ class ComputerResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON-able data with every key of a device's result."""
-        lines = [*(f"  {change}" for change in self.changes), *self.diffs]
+        lines = [*(msg(f"  {arg(change)}") for change in self.changes), *self.diffs]
         return {
             "status": self.status.value,
             "reached": self.was_reached,
@@ -169,7 +169,7 @@ class ComputerResult:
             "busy": "",
             "planned": len(self.changes),
             "confirmed": self.confirmed_actions,
-            "diff": "\n".join(lines),
+            "diff": messages.join("\n", lines),
             "drift": [],
             "comparison": self._comparison() if self.mode is Mode.DRIFT and self.failure is None else None,
             "notes": list(dict.fromkeys(self.notes)),
@@ -184,6 +184,11 @@ class ComputerResult:
             "board": None,
             "changes": list(self.changes),
         }
+
+
+def _text(value: object) -> str:
+    """Return a message as it is, and other text without the blanks around it."""
+    return value if isinstance(value, messages.Message) else str(value or "").strip()
 
 
 def _differences(result: object) -> Iterator[str]:
@@ -265,7 +270,7 @@ class Watch:
         """Record a successful task; one that computes the desired state or includes tasks contacts no host."""
         self._running.pop(host, None)
         if host in self._results:
-            self._results[host].ok(task, values)
+            self._results[host].ok(task, remote_messages.unpack(values))
             if "per_host" not in values and "include" not in values:
                 self._answered_hosts.add(host)
 
@@ -274,13 +279,13 @@ class Watch:
         self._running.pop(host, None)
         if host in self._results:
             status = Status.LEFT_AS_FOUND if not values.get("rolled_back") else Status.ROLLED_BACK
-            self._results[host].fail(task, values, status)
+            self._results[host].fail(task, remote_messages.unpack(values), status)
 
     def unreachable(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record that a host does not respond: unchanged if it never did; otherwise the task's progress is unknown."""
         self._running.pop(host, None)
         if host in self._results:
-            result = self._results[host]
+            result, values = self._results[host], remote_messages.unpack(values)
             if host not in self._answered_hosts:
                 result.not_reached(values)
             else:

@@ -89,7 +89,12 @@ def test_vpn_server_tool_is_separate_and_complete(tmp_path: Path) -> None:
         names = set(archive.namelist())
     with zipfile.ZipFile(io.BytesIO(tool.build().content)) as archive:
         assert not [name for name in archive.namelist() if "vpn_" in name], "no gateway pays for it"
-    assert {"__main__.py", "atlantis/module_utils/vpn_serve.py", install.WORDS} <= names
+    assert {
+        "__main__.py",
+        "atlantis/module_utils/vpn_serve.py",
+        "atlantis/module_utils/errors.py",
+        "atlantis_netcfg/core/messages.py",
+    } <= names
     done = subprocess.run([sys.executable, "-I", tmp_path / "tool"], input=b"", capture_output=True, check=True)
     assert done.stdout.startswith(b"ATLANTIS-VPN ")
 

@@ -20,9 +20,10 @@ from ansible.errors import AnsibleActionFail, AnsibleError
 from ansible.plugins.action import ActionBase
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import ZipappAction
-from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core import remote_messages, temporary
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.stored_messages import pack
 
 if TYPE_CHECKING:
     from atlantis_netcfg.computers.bundle.open import Bundle
@@ -54,10 +55,11 @@ class ActionModule(ZipappAction):
         carried_bytes = 0
         if not values.get("failed") and values["missing"]:
             carried_bytes, values = self._send(bundle, host, values, variables)
-        result.update(values)
         if not values.get("failed"):
-            result.update(_result(bundle, values, carried_bytes, is_sent=not self._task.check_mode))
-        return result
+            answer = remote_messages.unpack(values)
+            more = _result(bundle, answer, carried_bytes, is_sent=not self._task.check_mode)
+            values = pack({**answer, **more})
+        return {**result, **values}
 
     def _open_bundle(self) -> Bundle:
         from atlantis_netcfg.computers.bundle.manifest import Keys  # noqa: PLC0415

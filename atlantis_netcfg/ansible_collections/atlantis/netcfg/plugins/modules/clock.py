@@ -44,6 +44,8 @@ from typing import Callable
 
 from ansible.module_utils.basic import AnsibleModule
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from ..module_utils.errors import ModuleError
 from ..module_utils.programs import ProgramResult, is_there, run
 
@@ -76,7 +78,7 @@ class Clock:
         """Set the clock to `now`, in seconds since 1970, unless it is near or synchronised. Raises ModuleError."""
         if now < _OLDEST.timestamp():
             raise ModuleError(
-                f"this laptop's clock is wrong ({_format_time(now)}): it cannot be used to set another clock",
+                f"this laptop's clock is wrong ({arg(_format_time(now))}): it cannot be used to set another clock",
                 "set your own computer's clock, then run the same command again",
             )
         was = self.read()
@@ -85,19 +87,21 @@ class Clock:
         off = _describe_offset(was - now)
         if self._follows():
             self.notes.append(
-                f"its clock is {off} of your computer's and follows a time server: check your computer's clock"
+                msg(
+                    f"its clock is {arg(off)} of your computer's and follows a time server: check your computer's clock"
+                )
             )
             return
         if not self.check:
             self._set(now, off)
-        self.changes.append(f"clock set: it was {off} ({_format_time(was)})")
+        self.changes.append(msg(f"clock set: it was {arg(off)} ({arg(_format_time(was))})"))
 
     def _set(self, now: float, off: str) -> None:
         try:
             self.write(now)
         except OSError as error:
             raise ModuleError(
-                f"the clock of this computer is {off}, and cannot be set here: {error.strerror}. Keys and "
+                f"the clock of this computer is {arg(off)}, and cannot be set here: {arg(error.strerror)}. Keys and "
                 "certificates do not work with such a clock",
                 "a container uses the clock of its computer: set it there, or give the container CAP_SYS_TIME",
             ) from error
@@ -113,7 +117,11 @@ class Clock:
 def _describe_offset(seconds: float) -> str:
     word = "ahead" if seconds > 0 else "behind"
     size = abs(seconds)
-    return f"{size / _DAY_S:.0f} days {word}" if size >= 2 * _DAY_S else f"{size:.0f} s {word}"
+    return (
+        msg(f"{arg(size / _DAY_S):.0f} days {arg(word)}")
+        if size >= 2 * _DAY_S
+        else msg(f"{arg(size):.0f} s {arg(word)}")
+    )
 
 
 def _format_time(moment: float) -> str:
