@@ -123,7 +123,9 @@ class ComputerResult:
     @property
     def message(self) -> str:
         """The computer's message in the report."""
-        text = "; finding: ".join([self._message, *self.findings])
+        text = self._message
+        for finding in self.findings:
+            text = msg(f"{arg(text)}; finding: {arg(finding)}")
         return text if self.is_recorded else msg(f"{arg(text)}; {arg(NOT_RECORDED)}")
 
     @property
@@ -230,6 +232,9 @@ class Watch:
     _running: dict[str, str] = field(default_factory=dict)
     """Running task by host."""
 
+    _sent: list[str] = field(default_factory=list)
+    """Marked texts of the desired state, which the roles hand to modules in plain English."""
+
     @property
     def _event_stream(self) -> EventStream:
         return EventStream(self.request.events_fd)
@@ -269,23 +274,28 @@ class Watch:
     def ok(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record a successful task; one that computes the desired state or includes tasks contacts no host."""
         self._running.pop(host, None)
+        if "per_host" in values:
+            self._sent += remote_messages.checked_texts(values).get("texts", [])
         if host in self._results:
-            self._results[host].ok(task, remote_messages.unpack(values))
+            self._results[host].ok(task, self._unpack(values))
             if "per_host" not in values and "include" not in values:
                 self._answered_hosts.add(host)
+
+    def _unpack(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        return remote_messages.unpack(values, self._sent)
 
     def fail_task(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record a failed task, and with it the host's failure."""
         self._running.pop(host, None)
         if host in self._results:
             status = Status.LEFT_AS_FOUND if not values.get("rolled_back") else Status.ROLLED_BACK
-            self._results[host].fail(task, remote_messages.unpack(values), status)
+            self._results[host].fail(task, self._unpack(values), status)
 
     def unreachable(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record that a host does not respond: unchanged if it never did; otherwise the task's progress is unknown."""
         self._running.pop(host, None)
         if host in self._results:
-            result, values = self._results[host], remote_messages.unpack(values)
+            result, values = self._results[host], self._unpack(values)
             if host not in self._answered_hosts:
                 result.not_reached(values)
             else:
