@@ -130,15 +130,18 @@ class ComputerResult:
 
     @property
     def _message(self) -> str:
-        count = msg(f"{arg(len(self.changes))} change{'' if len(self.changes) == 1 else 's'}")
         if self.failure is not None:
+            count = msg(f"{arg(len(self.changes))} change{'' if len(self.changes) == 1 else 's'}")
             return msg(f"{arg(self.failure)} (after {arg(count)})") if self.changes else self.failure
         if self.status is Status.UNCHANGED:
             return "nothing to change" if self.findings else "matches the inventory, nothing to change"
         if self.mode is Mode.DRIFT:
             differ = len(self.changes) + len(self.findings)
             return msg(f"{arg(differ)} differences" if differ > 1 else "1 difference")
-        return msg(f"{arg(count)} to make" if self.mode is Mode.PLAN else f"{arg(count)} made")
+        number = len(self.changes)
+        if self.mode is Mode.PLAN:
+            return msg(f"{arg(number)} change{'' if number == 1 else 's'} to make")
+        return msg(f"{arg(number)} change{'' if number == 1 else 's'} made")
 
     def _comparison(self) -> dict[str, Any]:
         """Return the planned changes in the form of drift, without owner and time, which are unknown."""

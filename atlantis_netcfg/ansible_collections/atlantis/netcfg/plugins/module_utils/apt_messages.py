@@ -229,8 +229,9 @@ def _first_matching_error(rows: Iterable[_MessageRow], lines: Sequence[str], **m
         for line in lines:
             match = re.search(row.pattern, line)
             if match is not None:
-                groups = {**more, **{name: text or "" for name, text in match.groupdict().items()}}
-                return ModuleError(row.message.format(**groups), row.hint.format(**groups))
+                groups = {**more, **match.groupdict("")}
+                values = dict(zip(groups, map(arg, groups.values())))
+                return ModuleError(row.message.format(**values), row.hint.format(**values))
     return None
 
 

@@ -89,8 +89,8 @@ class Systemd:
 
     def enable(self, name: str, *, should_start: bool) -> None:
         """Enable or disable the start of a unit at boot."""
-        verb = "enable" if should_start else "disable"
-        require_success(self.run(["systemctl", verb, "--", name]), msg(f"unit {arg(name)} could not be {arg(verb)}d"))
+        result = self.run(["systemctl", "enable" if should_start else "disable", "--", name])
+        require_success(result, msg(f"unit {arg(name)} could not be {'enabled' if should_start else 'disabled'}"))
 
     def control(self, verb: str, name: str, *, wait: bool = True) -> None:
         """Start, stop, restart or reload a unit; without `wait`, only queue the job."""
@@ -288,13 +288,15 @@ class Configure:
             return False
         if runs and fresh:
             return False
-        verb, text = ("start", "started")
-        if runs:
-            verb, text = ("reload-or-restart", "reloaded") if unit.reload else ("restart", "restarted")
+        verb, text = "start", msg(f"unit {arg(unit.name)} started")
+        if runs and unit.reload:
+            verb, text = "reload-or-restart", msg(f"unit {arg(unit.name)} reloaded")
+        elif runs:
+            verb, text = "restart", msg(f"unit {arg(unit.name)} restarted")
         if not self.check:
             self.stamps.begin(stamp, digests)
             self.systemd.control(verb, unit.name, wait=unit.wait)
-        self.changes.append(msg(f"unit {arg(unit.name)} {arg(text)}"))
+        self.changes.append(text)
         return True
 
     def _digests(self, paths: Iterable[str]) -> dict[str, str]:

@@ -49,14 +49,14 @@ class FileTransaction:
             lines += (
                 [msg(f"directory {arg(directory.path)}")]
                 if current is None
-                else self._list_mode_changes("directory", directory, current)
+                else self._list_mode_changes(directory, current)
             )
         for file in self._accepted_files:
             current = self.found[file.path]
             if file in self.rewritten or current is None:
                 lines.append(msg(f"file {arg(file.path)}"))
             else:
-                lines += self._list_mode_changes("file", file, current)
+                lines += self._list_mode_changes(file, current)
         lines += [
             msg(f"link {arg(link.path)} -> {arg(link.target)}")
             for link in self.wishes.links
@@ -122,7 +122,7 @@ class FileTransaction:
         for request in self.owned:
             current = self.found[request.path]
             is_unchanged = request.path not in self.left and request not in self.rewritten
-            if current is not None and is_unchanged and self._list_mode_changes("", request, current):
+            if current is not None and is_unchanged and self._list_mode_changes(request, current):
                 self.tree.set_attributes(request.path, mode_of(request), *self.owners[request.path])
         for link in self.wishes.links:
             if not self._is_link_to(link.path, link.target):
@@ -196,12 +196,23 @@ class FileTransaction:
         current = self.found[path]
         return current is not None and current.kind == "link" and current.target == target
 
-    def _list_mode_changes(self, kind: str, request: Directory | File, current: FoundFile) -> list[str]:
+    def _list_mode_changes(self, request: Directory | File, current: FoundFile) -> list[str]:
+        is_directory = request in self.wishes.directories
         lines = []
         if current.mode != (mode := mode_of(request)):
-            lines.append(msg(f"{arg(kind)} {arg(request.path)} mode {arg(current.mode):04o} -> {arg(mode):04o}"))
+            lines.append(
+                msg(
+                    f"{'directory' if is_directory else 'file'} {arg(request.path)} mode {arg(current.mode):04o} "
+                    f"-> {arg(mode):04o}"
+                )
+            )
         if (current.uid, current.gid) != self.owners[request.path]:
-            lines.append(msg(f"{arg(kind)} {arg(request.path)} owner -> {arg(request.owner)}:{arg(request.group)}"))
+            lines.append(
+                msg(
+                    f"{'directory' if is_directory else 'file'} {arg(request.path)} owner -> "
+                    f"{arg(request.owner)}:{arg(request.group)}"
+                )
+            )
         return lines
 
 

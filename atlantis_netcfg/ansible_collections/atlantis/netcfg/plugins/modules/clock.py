@@ -88,21 +88,25 @@ class Clock:
         if self._follows():
             self.notes.append(
                 msg(
-                    f"its clock is {arg(off)} of your computer's and follows a time server: check your computer's clock"
+                    f"its clock is {arg(off)} {'ahead' if was > now else 'behind'} of your computer's and follows a "
+                    "time server: check your computer's clock"
                 )
             )
             return
         if not self.check:
-            self._set(now, off)
-        self.changes.append(msg(f"clock set: it was {arg(off)} ({arg(_format_time(was))})"))
+            self._set(now, was)
+        self.changes.append(
+            msg(f"clock set: it was {arg(off)} {'ahead' if was > now else 'behind'} ({arg(_format_time(was))})")
+        )
 
-    def _set(self, now: float, off: str) -> None:
+    def _set(self, now: float, was: float) -> None:
         try:
             self.write(now)
         except OSError as error:
+            off = _describe_offset(was - now)
             raise ModuleError(
-                f"the clock of this computer is {arg(off)}, and cannot be set here: {arg(error.strerror)}. Keys and "
-                "certificates do not work with such a clock",
+                f"the clock of this computer is {arg(off)} {'ahead' if was > now else 'behind'}, and cannot be set "
+                f"here: {arg(error.strerror)}. Keys and certificates do not work with such a clock",
                 "a container uses the clock of its computer: set it there, or give the container CAP_SYS_TIME",
             ) from error
         for keep in (["hwclock", "--systohc", "--utc"], ["fake-hwclock", "save"]):
@@ -115,13 +119,8 @@ class Clock:
 
 
 def _describe_offset(seconds: float) -> str:
-    word = "ahead" if seconds > 0 else "behind"
     size = abs(seconds)
-    return (
-        msg(f"{arg(size / _DAY_S):.0f} days {arg(word)}")
-        if size >= 2 * _DAY_S
-        else msg(f"{arg(size):.0f} s {arg(word)}")
-    )
+    return msg(f"{arg(size / _DAY_S):.0f} days" if size >= 2 * _DAY_S else f"{arg(size):.0f} s")
 
 
 def _format_time(moment: float) -> str:
