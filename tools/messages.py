@@ -36,6 +36,8 @@ IN = (
     "ansible_collections/atlantis/netcfg/plugins/action",
     "ansible_collections/atlantis/netcfg/plugins/module_utils",
     "ansible_collections/atlantis/netcfg/plugins/modules",
+    "ansible_collections/atlantis/netcfg/plugins/plugin_utils/board/install.py",
+    "ansible_collections/atlantis/netcfg/plugins/plugin_utils/zipapp_action.py",
     "checklist",
     "cli",
     "core",
@@ -233,7 +235,7 @@ _HEADING = re.compile(r"^[A-Z][a-z]+:$")
 _LETTERS = re.compile(r"[A-Za-z]{2,}")
 _FOREIGN = re.compile(
     r"^/|^:|^\$|^-{1,2}[a-z]|^#|^\.id|^<|^\*|^[A-Za-z_]+=\S*$|^AT\+"
-    r"|^ssh |^python3? |^import |^def |^[a-z-]+ --[a-z]"
+    r"|^if \{|^ssh |^python3? |^import |^def |^[a-z-]+ --[a-z]"
     r"|\(\?|\\[dws]|\[\^|^%"
     r"|^\{[a-z_]+\}( \{[a-z_]+\})*$"
 )

@@ -8,10 +8,11 @@ A message is its English text for every program: comparisons, JSON, journals and
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
+    from typing import Self
 
 TEXT, NUMBER, MESSAGE, OLD = "\ue000", "\ue001", "\ue002", "\ue003"
 """Marks in front of a value, a number, a nested message, and the old text of a replacement."""
@@ -74,7 +75,7 @@ class _MarkedValue:
         value = self._value
         if isinstance(value, Message) and value in text:
             return f"{MESSAGE}{str.replace(text, value, value.source, 1)}{END}"
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
         return f"{NUMBER if is_number else TEXT}{_MARK.sub('', text)}{END}"
 
 

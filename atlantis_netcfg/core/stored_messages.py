@@ -33,7 +33,7 @@ def _messages(value: object) -> Iterator[Message]:
         yield value
     elif hasattr(type(value), "model_fields"):
         yield from _messages(vars(value))
-    elif isinstance(value, Mapping | list | tuple):
+    elif isinstance(value, (Mapping, list, tuple)):
         for item in value.values() if isinstance(value, Mapping) else value:
             yield from _messages(item)
 
