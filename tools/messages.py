@@ -218,6 +218,21 @@ MADE = (
     "proved",
     "{findings} error in the answers; nothing was changed",
     "{findings} errors in the answers; nothing was changed",
+    "names",
+    "foundation",
+    "attachment",
+    "policy",
+    "cleanup",
+    "nothing",
+    (
+        "over {name}, which stands before other links, nobody is asked: while its box answers,"
+        " silence behind it moves no traffic"
+    ),
+    (
+        "probes over {name}, which is metered, every {watch} s use {daily} MB a day in normal operation,"
+        " as the budget of its canaries demands, and up to {unsteady} MB on a day on which the link fails again"
+        " and again"
+    ),
     (
         "probes over {name}, which is metered, use {daily} MB a day in normal operation;"
         " less with a longer `metered_probe_s`"
