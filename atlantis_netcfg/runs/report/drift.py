@@ -149,7 +149,7 @@ def drift_lines(comparison: Mapping[str, Any]) -> list[str]:
 
 def difference_lines(difference: Mapping[str, Any], confirmation: Mapping[str, str] | None) -> Iterator[str]:
     """Yield the lines of one difference: what, owner, since when, and by whom according to the device's history."""
-    yield msg(f"{arg(msg(difference['kind'])):<8} {arg(printable.line(difference['subject']))}")
+    yield msg(f"{arg(msg(difference['kind'])):<9}{arg(printable.line(difference['subject']))}")
     details = [
         msg(
             f"{arg(field['name'])}: inventory {arg(_value_text(field['declared']))}, device "

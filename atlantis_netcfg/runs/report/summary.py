@@ -83,7 +83,8 @@ def ending(result: Mapping[str, Any]) -> DeviceEnd:
 def warnings(result: Mapping[str, Any]) -> list[str]:
     """Return the warnings on a device that succeeded."""
     notes = [note for note in result.get("notes", ()) if note.startswith("WARN: ")]
-    warning_notes = [Message(Message(note).source.removeprefix("WARN: ")) for note in notes]
+    sources = (note.source if isinstance(note, Message) else note for note in notes)
+    warning_notes = [Message(source.removeprefix("WARN: ")) for source in sources]
     return [*warning_notes, *(row["message"] for row in result.get("drift", ()))]
 
 
