@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from babel.messages.catalog import Catalog, Message
 from babel.messages.pofile import read_po, write_po
 
-from atlantis_netcfg.core.translation import key
+from atlantis_netcfg.core.translation import numbered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -93,6 +93,7 @@ OUT: Mapping[str, str] = {
     "links/lte/rutos_read.py": "keys and answers of a router's JSON",
     "checklist/probes/agent": "a program that runs on the gateway; what it saw is data, judged by the probes",
     "robots/listener.py": "a program that runs on other computers; what it heard is data",
+    "core/compiled_catalogue.py": "a damaged file is written again, and no one is told",
     "core/reading_programs.py": "the closed list of programs",
     "checklist/runner/simulated": "what emulated computers print",
     "cli/vpn/__init__.py": "it holds nothing",
@@ -188,6 +189,12 @@ MADE = (
     "note",
     "{number} changed",
     "{number} unchanged",
+    "{number} missing",
+    "{number} added",
+    "{number} order",
+    "{number} foreign",
+    "{number} hidden",
+    "{number} open",
     "{number} failed",
     "{number} not reached",
     "{number} to change",
@@ -219,6 +226,21 @@ MADE = (
     "proved",
     "{findings} error in the answers; nothing was changed",
     "{findings} errors in the answers; nothing was changed",
+    "names",
+    "foundation",
+    "attachment",
+    "policy",
+    "cleanup",
+    "nothing",
+    (
+        "over {name}, which stands before other links, nobody is asked: while its box answers,"
+        " silence behind it moves no traffic"
+    ),
+    (
+        "probes over {name}, which is metered, every {watch} s use {daily} MB a day in normal operation,"
+        " as the budget of its canaries demands, and up to {unsteady} MB on a day on which the link fails again"
+        " and again"
+    ),
     (
         "probes over {name}, which is metered, use {daily} MB a day in normal operation;"
         " less with a longer `metered_probe_s`"
@@ -626,13 +648,11 @@ def read(path: Path) -> dict[str, str]:
 
 def conflicts(translations: Mapping[str, str]) -> list[str]:
     """Return the msgids that differ from an earlier one in the names of their values and in the translation alone."""
-    by_key: dict[str, str] = {}
+    by_text: dict[str, str] = {}
     result = []
-    for msgid, text in translations.items():
-        text_key, names = key(msgid)
-        places = {name: f"{{{place}}}" for place, name in enumerate(names)}
-        translation = re.sub(r"\{(\w+)\}", lambda match: places.get(match[1], match[0]), text)  # noqa: B023 - used at once
-        if by_key.setdefault(text_key, translation) != translation:
+    for msgid, translation in translations.items():
+        text, numbered_translation = numbered(msgid, translation)
+        if by_text.setdefault(text, numbered_translation) != numbered_translation:
             result.append(msgid)
     return result
 

@@ -21,6 +21,7 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from atlantis_netcfg.core.catalogue import Catalogue
     from atlantis_netcfg.core.translation import Translator
 
 
@@ -95,12 +96,17 @@ def catalogue_file(language: Language) -> Path:
 
 @cache
 def _translator(language: Language) -> Translator:
-    from atlantis_netcfg.core.catalogue import Catalogue, read  # noqa: PLC0415 - English needs none
-    from atlantis_netcfg.core.translation import Translator  # noqa: PLC0415 - as above
+    from atlantis_netcfg.core import compiled_catalogue, translation  # noqa: PLC0415 - English needs none
 
-    catalogue, contractions = read(catalogue_file(language)), _CONTRACTIONS[language]
-    recogniser = cache(lambda: Catalogue(catalogue, contractions))  # for finished texts of code without marks
-    return Translator(catalogue, contractions, lambda text: recogniser().translate(text))
+    catalogue, contractions = compiled_catalogue.load(catalogue_file(language)), _CONTRACTIONS[language]
+
+    @cache
+    def recogniser() -> Catalogue:  # for finished texts of code without marks
+        from atlantis_netcfg.core.catalogue import Catalogue  # noqa: PLC0415 - rarely needed
+
+        return Catalogue(catalogue, contractions)
+
+    return translation.Translator(catalogue, contractions, lambda text: recogniser().translate(text))
 
 
 def translate(text: str) -> str:

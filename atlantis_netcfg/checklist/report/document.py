@@ -24,6 +24,10 @@ class _Data(BaseModel):
         model = build(data)
         if isinstance(data, dict):
             model.__dict__.update({name: value for name, value in data.items() if isinstance(value, Message)})
+            lists = {name: tuple(value) for name, value in data.items() if isinstance(value, tuple | list)}
+            model.__dict__.update(
+                {name: texts for name, texts in lists.items() if any(isinstance(text, Message) for text in texts)}
+            )
         return model
 
 

@@ -77,7 +77,7 @@ class LinksReport:
 
     def as_text(self) -> str:
         """Return the report as text."""
-        return "\n".join(self._lines())
+        return join("\n", self._lines())
 
     def _lines(self) -> Iterator[str]:
         what = "emulated devices; no real device was contacted" if self.is_rehearsal else "nothing was changed"

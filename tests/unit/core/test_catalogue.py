@@ -1,13 +1,11 @@
 """How a message that is already made is found in the catalogue, and what is never lost or changed in it."""
 
-import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.core import language
-from atlantis_netcfg.core.catalogue import _MOST_TRIED, Catalogue, read
+from atlantis_netcfg.core.catalogue import _MOST_TRIED, Catalogue
 from atlantis_netcfg.core.language import Language
 
 MESSAGES = {
@@ -156,34 +154,6 @@ def test_a_thousand_lines_take_less_than_two_seconds() -> None:
     lines = [catalogue.translate(f"cpe{number} has {number} in site{number}") for number in range(1000)]
     assert lines[7] == "site7: 7 cpe7"
     assert time.process_time() - started < 2
-
-
-def test_catalogue_is_parsed_in_few_calls() -> None:
-    """Calls, those of C too; with eight a message a command in Portuguese took four times as long to begin."""
-    steps = 0
-
-    def count(_frame: object, event: str, _function: object) -> None:
-        nonlocal steps
-        steps += event in {"call", "c_call"}
-
-    path = language.catalogue_file(Language.PORTUGUESE)
-    sys.setprofile(count)
-    messages = read(path)
-    sys.setprofile(None)
-    assert steps < 6 * len(messages)
-
-
-def test_gettext_file_is_parsed(tmp_path: Path) -> None:
-    file = tmp_path / "provision.po"
-    file.write_text(
-        'msgid ""\nmsgstr ""\n"Language: pt_PT\\n"\n\n'
-        '#: a.py\n#, python-brace-format\nmsgid "a \\"{b}\\""\nmsgstr "um \\"{b}\\""\n\n'
-        'msgid ""\n"of two "\n"lines"\nmsgstr ""\n"de duas "\n"linhas\\\\n"\n\n'
-        'msgid "no translation"\nmsgstr ""\n\n'
-        '#, fuzzy\nmsgid "a guess"\nmsgstr "um palpite"\n\n'
-        '#~ msgid "gone"\n#~ msgstr "foi-se"\n'
-    )
-    assert read(file) == {'a "{b}"': 'um "{b}"', "of two lines": "de duas linhas\\n"}
 
 
 def test_english_is_not_translated() -> None:

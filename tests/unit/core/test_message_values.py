@@ -14,7 +14,7 @@ from atlantis_netcfg.core.errors import UsageError, fill_hint
 from atlantis_netcfg.core.language import Language
 from atlantis_netcfg.core.messages import Message, arg, join, msg
 from atlantis_netcfg.core.stored_messages import pack, unpack
-from atlantis_netcfg.core.translation import Translator
+from atlantis_netcfg.core.translation import Translator, numbered
 
 CATALOGUE = {
     "{count} changes left": "faltam {count} alterações",
@@ -36,7 +36,8 @@ CATALOGUE = {
 
 @pytest.fixture
 def translator() -> Translator:
-    return Translator(CATALOGUE, {"de o": "do", "de a": "da"})
+    catalogue = dict(numbered(msgid, translation) for msgid, translation in CATALOGUE.items())
+    return Translator(catalogue, {"de o": "do", "de a": "da"})
 
 
 class Reachability(StrEnum):

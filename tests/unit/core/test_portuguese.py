@@ -12,7 +12,8 @@ import pytest
 from atlantis_netcfg.cli.base.commands import COMMANDS, load
 from atlantis_netcfg.cli.help import of_command, overview
 from atlantis_netcfg.core import language
-from atlantis_netcfg.core.catalogue import Catalogue, Template, read
+from atlantis_netcfg.core.catalogue import Catalogue, Template
+from atlantis_netcfg.core.compiled_catalogue import read
 from atlantis_netcfg.core.language import Language, catalogue_file
 
 ROOT = Path(__file__).parents[3]

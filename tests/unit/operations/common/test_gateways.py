@@ -260,9 +260,7 @@ def test_drift_reports_what_a_run_would_change(tmp_path: Path, listener: Listene
     result = outcome(listener)
     assert (result["status"], result["exit"]) == ("drifted", int(ExitCode.CHECKS_FAILED))
     assert result["message"] == "2 differences"
-    assert drift_lines(result["comparison"]).splitlines()[:3] == [
-        *("  roles", "    changed  file /etc/a", "             declared")
-    ]
+    assert drift_lines(result["comparison"])[:3] == [*("  roles", "    changed  file /etc/a", "             declared")]
 
 
 def test_no_package_is_fetched_over_a_metered_link_without_consent(tmp_path: Path) -> None:
