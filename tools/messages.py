@@ -109,7 +109,6 @@ OUT: Mapping[str, str] = {
     "operations/lte/assumptions.py": "what engineers have to test on a real unit, as of RouterOS",
     "routeros/menus": "RouterOS's own language",
     "routeros/rsc": "the grammar of export text",
-    "routeros/commands.py": "RouterOS's own language",
     "routeros/_items.py": "RouterOS's own language",
     "routeros/apply/_inverse.py": "RouterOS's own language",
     "routeros/apply/_scripts.py": "RouterOS's own language",

@@ -8,6 +8,7 @@ A message is its English text for every program: comparisons, JSON, journals and
 from __future__ import annotations
 
 import re
+from functools import reduce
 from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
@@ -91,6 +92,18 @@ def msg(text: str) -> str:
 def join(separator: str, parts: Iterable[object]) -> str:
     """Return texts joined to one `Message`; each is translated by itself."""
     return Message(separator.join(str(_MarkedValue(part)) for part in parts))
+
+
+def conjunction(parts: Iterable[object]) -> str:
+    """Return texts joined by ` and ` to one `Message`; each is translated by itself."""
+    first, *rest = [*parts] or [""]
+    return reduce(lambda text, part: msg(f"{arg(text)} and {arg(part)}"), rest, join("", [first]))
+
+
+def alternatives(parts: Iterable[object]) -> str:
+    """Return texts joined by ` or ` to one `Message`; each is translated by itself."""
+    first, *rest = [*parts] or [""]
+    return reduce(lambda text, part: msg(f"{arg(text)} or {arg(part)}"), rest, join("", [first]))
 
 
 def parse(source: str) -> Iterator[tuple[str, str]]:

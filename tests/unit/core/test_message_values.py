@@ -12,7 +12,7 @@ import pytest
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError, fill_hint
 from atlantis_netcfg.core.language import Language
-from atlantis_netcfg.core.messages import Message, arg, join, msg
+from atlantis_netcfg.core.messages import Message, alternatives, arg, conjunction, join, msg
 from atlantis_netcfg.core.stored_messages import pack, unpack
 from atlantis_netcfg.core.translation import Translator
 
@@ -23,6 +23,8 @@ CATALOGUE = {
     "not reached": "não alcançado",
     "{name}: {reason} was lost": "perdeu-se {reason} de {name}",
     "the link": "a ligação",
+    "{text} and {part}": "{text} e {part}",
+    "{text} or {part}": "{text} ou {part}",
     "wait {seconds} s": "aguarde {seconds} s",
     "type `{command}`": "escreva `{command}`",
     "run `provision plan site=…` first": "execute primeiro `provision plan site=…`",
@@ -111,6 +113,10 @@ def test_an_error_makes_messages_of_its_text_and_hint() -> None:
         (join("; ", ["the link", "cpe", msg(f"{arg(4)} changes")]), "a ligação; cpe; 4 alterações"),
         (msg(f"{arg(3)} changes left") + ", no such device", "faltam 3 alterações, no such device"),
         ("link: " + msg(f"{arg(3)} changes left"), "link: faltam 3 alterações"),
+        (conjunction(["the link", "cpe", 2.5]), "a ligação e cpe e 2,5"),
+        (conjunction(["the link"]), "a ligação"),
+        (conjunction([]), ""),
+        (alternatives(["the link", "cpe"]), "a ligação ou cpe"),
         (join(" {} ", ["no such device", "x"]), "esse equipamento não existe {} x"),
         (msg("what {} is"), "what {} is"),
         ("no such device\n  not reached", "esse equipamento não existe\n  não alcançado"),
