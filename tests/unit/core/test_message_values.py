@@ -4,6 +4,7 @@ import copy
 import json
 import pickle
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 
@@ -12,6 +13,7 @@ import pytest
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError, fill_hint
 from atlantis_netcfg.core.language import Language
+from atlantis_netcfg.core.message_models import MessageModel
 from atlantis_netcfg.core.messages import Message, alternatives, arg, conjunction, join, msg
 from atlantis_netcfg.core.stored_messages import pack, unpack
 from atlantis_netcfg.core.translation import Translator
@@ -198,6 +200,35 @@ def test_a_document_without_values_is_packed_unchanged() -> None:
     document = {"text": msg("no such device"), "rows": [1, None]}
     assert pack(document) == document
     assert unpack(document) == document
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    text: str
+    state: Reachability = Reachability.NO
+
+
+class Page(MessageModel):
+    parts: tuple[Part, ...]
+    notes: dict[str, str]
+    title: str | None = None
+
+
+def test_a_model_keeps_the_values_of_its_messages() -> None:
+    left = msg(f"{arg(3)} changes left")
+    page = Page(parts=(Part(left),), notes={"x": left}, title=left)
+    stored = Page.from_json(page.to_json())
+    for each in (page, stored):
+        assert [marked(text) for text in (each.parts[0].text, each.notes["x"], each.title or "")] == [marked(left)] * 3
+    assert stored == page
+    assert stored.parts[0].state is Reachability.NO
+    assert Page.from_json(page.model_dump_json()) == page
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "", '{"texts": 3}', '{"texts": [3]}'])
+def test_another_document_is_no_model(text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        Page.from_json(text)
 
 
 @pytest.mark.usefixtures("portuguese")
