@@ -139,6 +139,7 @@ MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
 MADE = (
     "not root",
+    "add --rehearse",
     "infrastructure",
     "the modem of {name} is listening",
     "{who} is transmitting",
@@ -551,7 +552,9 @@ def _is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
 
 
-_THROUGH = _set("arg msg len str sorted int float round abs repr join list next min max sum line below visible")
+_THROUGH = _set(
+    "arg msg conjunction alternatives len str sorted int float round abs repr join list next min max sum line below visible"
+)
 """Functions that are named by what they are given."""
 _OF_TEXT = _set("removeprefix removesuffix strip rstrip lstrip replace lower upper isoformat")
 

@@ -14,7 +14,7 @@ from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError, fill_hint
 from atlantis_netcfg.core.language import Language
 from atlantis_netcfg.core.message_models import MessageModel
-from atlantis_netcfg.core.messages import Message, alternatives, arg, conjunction, join, msg
+from atlantis_netcfg.core.messages import Message, alternatives, arg, conjunction, join, msg, shorten
 from atlantis_netcfg.core.stored_messages import pack, unpack
 from atlantis_netcfg.core.translation import Translator
 
@@ -166,6 +166,19 @@ def test_a_replacement_may_contain_values(translator: Translator) -> None:
     hint = msg(f"type `{arg('provision plan')}` {arg('now')}").replace("plan` now", "plan site=scc`")
     assert hint == "type `provision plan site=scc`"
     assert translator.translate(msg(f"{arg(hint)}!")) == "type `provision plan site=scc`!"
+
+
+def test_a_long_value_is_shortened_inside_its_marks(translator: Translator) -> None:
+    text = shorten(loss("x" * 40, "the link"), 40)
+    assert text == f"{'x' * 20} … x: the link was lost"
+    assert translator.translate(text) == f"perdeu-se a ligação de {'x' * 20} … x"
+    assert shorten(loss("cpe", "the link"), 40) == "cpe: the link was lost"
+
+
+def test_a_text_is_shortened_across_values() -> None:
+    text = shorten(loss("x" * 15, "y" * 40), 20)
+    assert text == "xxxxxxxxxx … y was lost"
+    assert not isinstance(text, Message)
 
 
 def test_marks_in_a_value_are_removed() -> None:
