@@ -102,17 +102,16 @@ OUT: Mapping[str, str] = {
     "inventory/new_inventory/files.py": "comments and values of files, which are in English",
     "inventory/new_inventory/yaml_text.py": "the grammar of files",
     "operations/computers/_emulation.py": "programs of a rehearsal, and what Ansible calls them",
-    "operations/common/vault.py": "texts of Ansible's own",
     "computers/bundle": "the making of bundles, which is in English",
     "core/processes/remote_bundle.py": "names of files",
     "core/crash_report.py": "the log file of a crash; its one sentence is added by hand",
     "core/eventlog.py": "lines of a log",
-    "routeros/api": "the wire",
+    "routeros/api/_values.py": "the wire",
+    "routeros/api/_wire.py": "the wire",
     "routeros/assumptions.py": "what engineers have to test on a real device; no command prints it",
     "operations/lte/assumptions.py": "what engineers have to test on a real unit, as of RouterOS",
     "routeros/menus": "RouterOS's own language",
     "routeros/rsc": "the grammar of export text",
-    "routeros/commands.py": "RouterOS's own language",
     "routeros/_items.py": "RouterOS's own language",
     "routeros/apply/_inverse.py": "RouterOS's own language",
     "routeros/apply/_scripts.py": "RouterOS's own language",
@@ -143,6 +142,7 @@ MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
 MADE = (
     "not root",
+    "add --rehearse",
     "infrastructure",
     "the modem of {name} is listening",
     "{who} is transmitting",
@@ -576,7 +576,10 @@ def _is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
 
 
-_THROUGH = _set("arg msg len str sorted int float round abs repr join list next min max sum line below visible")
+_THROUGH = _set("""
+    arg msg conjunction alternatives len str sorted int float round abs repr join list next min max sum line below
+    visible
+    """)
 """Functions that are named by what they are given."""
 _OF_TEXT = _set("removeprefix removesuffix strip rstrip lstrip replace lower upper isoformat")
 

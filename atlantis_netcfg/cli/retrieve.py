@@ -9,7 +9,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import alternatives, arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -118,7 +118,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
 
     if more := _given_words(arguments, "files", "via", "order"):
         raise UsageError(
-            f"`--rehearse` runs the whole transfer: it does not accept {arg(' or '.join(more))}", hint="remove it"
+            f"`--rehearse` runs the whole transfer: it does not accept {arg(alternatives(more))}", hint="remove it"
         )
     site, candidates = arguments.word("site"), []
 
@@ -159,7 +159,7 @@ def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:
         return
     if more := _given_words(arguments, "files", "link"):
         raise UsageError(
-            f"`{arg(order)}` refers to a running transfer: it does not accept {arg(' or '.join(more))}",
+            f"`{arg(order)}` refers to a running transfer: it does not accept {arg(alternatives(more))}",
             hint="remove it",
         )
 

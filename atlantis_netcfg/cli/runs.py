@@ -37,7 +37,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     """List the runs, oldest first; exit code 7 if there are none."""
     import sys
 
-    from atlantis_netcfg.cli.base.output import json_text, width_of
+    from atlantis_netcfg.cli.base.output import json_text
     from atlantis_netcfg.core import paths, printable
     from atlantis_netcfg.runs import Store
 
@@ -52,7 +52,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     if arguments.flag("json"):
         print(json_text({"exit": int(errors.ExitCode.DONE), "errors": [], "runs": rows, "archived": archived_count}))
     else:
-        width = width_of(sys.stdout) or printable.NARROW
+        width = printable.width_of(sys.stdout) or printable.NARROW
         lines = [line for key, group in _groups(rows).items() for line in _command_lines(store, key, group)]
         if archived_count and not everything:
             hint = msg(f"{arg(archived_count)} older runs are archived: `provision report runs --all` lists them too")
