@@ -21,7 +21,6 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.core.catalogue import Catalogue
     from atlantis_netcfg.core.translation import Translator
 
 
@@ -98,15 +97,7 @@ def catalogue_file(language: Language) -> Path:
 def _translator(language: Language) -> Translator:
     from atlantis_netcfg.core import compiled_catalogue, translation  # noqa: PLC0415 - English needs none
 
-    catalogue, contractions = compiled_catalogue.load(catalogue_file(language)), _CONTRACTIONS[language]
-
-    @cache
-    def recogniser() -> Catalogue:  # for finished texts of code without marks
-        from atlantis_netcfg.core.catalogue import Catalogue  # noqa: PLC0415 - rarely needed
-
-        return Catalogue(catalogue, contractions)
-
-    return translation.Translator(catalogue, contractions, lambda text: recogniser().translate(text))
+    return translation.Translator(compiled_catalogue.load(catalogue_file(language)), _CONTRACTIONS[language])
 
 
 def translate(text: str) -> str:

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 _PREFIX = re.compile(r"^ *(?:-> |\d+\. )?")
 """Indentation, and the prefix of a hint or of a list entry."""
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|\{(\w+)\}")
-_WORDS = re.compile(r"[a-z]{2} ?[a-z]")
 _COMMAND = re.compile(r"(?:^|: *)provision [a-z]")
 _PARSE = Formatter().parse
 _NUMBER_SIGNS = str.maketrans(".,", ",\N{NO-BREAK SPACE}")
@@ -40,19 +39,12 @@ class Translator:
 
     `catalogue`: translations by text, with `{0}`, `{1}`, … for the values (`numbered`).
     `contractions`: replacements for two words where a value begins with the second one, as `de o` becomes `do`.
-    `recognise`: translation of finished texts that come from code without marks; default: exact look-up of lines.
     """
 
-    def __init__(
-        self,
-        catalogue: Mapping[str, str],
-        contractions: Mapping[str, str],
-        recognise: Callable[[str], str] | None = None,
-    ) -> None:
+    def __init__(self, catalogue: Mapping[str, str], contractions: Mapping[str, str]) -> None:
         self._catalogue = catalogue
         self._contractions = contractions
         self._pairs = re.compile(rf"(?<![\w`])(?:{'|'.join(map(re.escape, contractions)) or '(?!)'})(?= \w)")
-        self._recognise = recognise
 
     def translate(self, text: str) -> str:
         """Return the text in this language; what is missing in the catalogue stays in English."""
@@ -82,11 +74,8 @@ class Translator:
         translation = self._catalogue.get(text, "")
         if values or (translation and ("{" in text or "}" in text)):
             text_in_language = self._fill(translation or text, values)
-        elif translation:
-            text_in_language = translation
         else:
-            plain = text.replace("{{", "{").replace("}}", "}")
-            text_in_language = self._recognise(plain) if self._recognise and _WORDS.search(plain) else plain
+            text_in_language = translation or text.replace("{{", "{").replace("}}", "}")
         return line[:start] + text_in_language + line[start + len(text) :]
 
     def _fill(self, template: str, values: Sequence[tuple[str, str]]) -> str:
