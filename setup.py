@@ -1,5 +1,6 @@
 """Lays the folders that a run needs, which stand beside the package in a checkout, into the package of a wheel."""
 
+import sys
 from pathlib import Path
 from shutil import copy2
 
@@ -28,14 +29,28 @@ def resource_files(root: Path = ROOT) -> list[Path]:
     return [path for path in paths if "__pycache__" not in path.parts and path.parts[:2] != ("inventory", "images")]
 
 
+def compile_catalogues(package: Path) -> None:
+    """Put the compiled catalogue in the place of each .po file."""
+    sys.path.insert(0, str(ROOT))
+    from atlantis_netcfg.core import compiled_catalogue  # noqa: PLC0415 - a build knows no other path to it
+
+    for source in package.glob("locale/*/LC_MESSAGES/*.po"):
+        source.with_suffix(".mo").write_bytes(compiled_catalogue.compile_catalogue(compiled_catalogue.read(source)))
+        source.unlink()
+
+
 class BuildWithResources(build_py):
     """Build the package with its resources; an editable installation uses those of the checkout."""
 
     def run(self) -> None:
         """Copy them below the modules."""
         super().run()
-        for path in [] if self.editable_mode else resource_files():
-            copy = Path(self.build_lib, "atlantis_netcfg", "share", path)
+        if self.editable_mode:
+            return
+        package = Path(self.build_lib, "atlantis_netcfg")
+        compile_catalogues(package)
+        for path in resource_files():
+            copy = package / "share" / path
             copy.parent.mkdir(parents=True, exist_ok=True)
             copy2(ROOT / path, copy)
             if path == SETTINGS:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from babel.messages.catalog import Catalog, Message
 from babel.messages.pofile import read_po, write_po
 
-from atlantis_netcfg.core.translation import key
+from atlantis_netcfg.core.translation import numbered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -36,6 +36,8 @@ IN = (
     "ansible_collections/atlantis/netcfg/plugins/action",
     "ansible_collections/atlantis/netcfg/plugins/module_utils",
     "ansible_collections/atlantis/netcfg/plugins/modules",
+    "ansible_collections/atlantis/netcfg/plugins/plugin_utils/board/install.py",
+    "ansible_collections/atlantis/netcfg/plugins/plugin_utils/zipapp_action.py",
     "checklist",
     "cli",
     "core",
@@ -91,6 +93,7 @@ OUT: Mapping[str, str] = {
     "links/lte/rutos_read.py": "keys and answers of a router's JSON",
     "checklist/probes/agent": "a program that runs on the gateway; what it saw is data, judged by the probes",
     "robots/listener.py": "a program that runs on other computers; what it heard is data",
+    "core/compiled_catalogue.py": "a damaged file is written again, and no one is told",
     "core/reading_programs.py": "the closed list of programs",
     "checklist/runner/simulated": "what emulated computers print",
     "cli/vpn/__init__.py": "it holds nothing",
@@ -99,17 +102,16 @@ OUT: Mapping[str, str] = {
     "inventory/new_inventory/files.py": "comments and values of files, which are in English",
     "inventory/new_inventory/yaml_text.py": "the grammar of files",
     "operations/computers/_emulation.py": "programs of a rehearsal, and what Ansible calls them",
-    "operations/common/vault.py": "texts of Ansible's own",
     "computers/bundle": "the making of bundles, which is in English",
     "core/processes/remote_bundle.py": "names of files",
     "core/crash_report.py": "the log file of a crash; its one sentence is added by hand",
     "core/eventlog.py": "lines of a log",
-    "routeros/api": "the wire",
+    "routeros/api/_values.py": "the wire",
+    "routeros/api/_wire.py": "the wire",
     "routeros/assumptions.py": "what engineers have to test on a real device; no command prints it",
     "operations/lte/assumptions.py": "what engineers have to test on a real unit, as of RouterOS",
     "routeros/menus": "RouterOS's own language",
     "routeros/rsc": "the grammar of export text",
-    "routeros/commands.py": "RouterOS's own language",
     "routeros/_items.py": "RouterOS's own language",
     "routeros/apply/_inverse.py": "RouterOS's own language",
     "routeros/apply/_scripts.py": "RouterOS's own language",
@@ -140,6 +142,7 @@ MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
 MADE = (
     "not root",
+    "add --rehearse",
     "infrastructure",
     "the modem of {name} is listening",
     "{who} is transmitting",
@@ -186,6 +189,12 @@ MADE = (
     "note",
     "{number} changed",
     "{number} unchanged",
+    "{number} missing",
+    "{number} added",
+    "{number} order",
+    "{number} foreign",
+    "{number} hidden",
+    "{number} open",
     "{number} failed",
     "{number} not reached",
     "{number} to change",
@@ -217,6 +226,21 @@ MADE = (
     "proved",
     "{findings} error in the answers; nothing was changed",
     "{findings} errors in the answers; nothing was changed",
+    "names",
+    "foundation",
+    "attachment",
+    "policy",
+    "cleanup",
+    "nothing",
+    (
+        "over {name}, which stands before other links, nobody is asked: while its box answers,"
+        " silence behind it moves no traffic"
+    ),
+    (
+        "probes over {name}, which is metered, every {watch} s use {daily} MB a day in normal operation,"
+        " as the budget of its canaries demands, and up to {unsteady} MB on a day on which the link fails again"
+        " and again"
+    ),
     (
         "probes over {name}, which is metered, use {daily} MB a day in normal operation;"
         " less with a longer `metered_probe_s`"
@@ -233,7 +257,7 @@ _HEADING = re.compile(r"^[A-Z][a-z]+:$")
 _LETTERS = re.compile(r"[A-Za-z]{2,}")
 _FOREIGN = re.compile(
     r"^/|^:|^\$|^-{1,2}[a-z]|^#|^\.id|^<|^\*|^[A-Za-z_]+=\S*$|^AT\+"
-    r"|^ssh |^python3? |^import |^def |^[a-z-]+ --[a-z]"
+    r"|^if \{|^ssh |^python3? |^import |^def |^[a-z-]+ --[a-z]"
     r"|\(\?|\\[dws]|\[\^|^%"
     r"|^\{[a-z_]+\}( \{[a-z_]+\})*$"
 )
@@ -552,7 +576,10 @@ def _is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
 
 
-_THROUGH = _set("arg msg len str sorted int float round abs repr join list next min max sum line below visible")
+_THROUGH = _set("""
+    arg msg conjunction alternatives len str sorted int float round abs repr join list next min max sum line below
+    visible
+    """)
 """Functions that are named by what they are given."""
 _OF_TEXT = _set("removeprefix removesuffix strip rstrip lstrip replace lower upper isoformat")
 
@@ -624,13 +651,11 @@ def read(path: Path) -> dict[str, str]:
 
 def conflicts(translations: Mapping[str, str]) -> list[str]:
     """Return the msgids that differ from an earlier one in the names of their values and in the translation alone."""
-    by_key: dict[str, str] = {}
+    by_text: dict[str, str] = {}
     result = []
-    for msgid, text in translations.items():
-        text_key, names = key(msgid)
-        places = {name: f"{{{place}}}" for place, name in enumerate(names)}
-        translation = re.sub(r"\{(\w+)\}", lambda match: places.get(match[1], match[0]), text)  # noqa: B023 - used at once
-        if by_key.setdefault(text_key, translation) != translation:
+    for msgid, translation in translations.items():
+        text, numbered_translation = numbered(msgid, translation)
+        if by_text.setdefault(text, numbered_translation) != numbered_translation:
             result.append(msgid)
     return result
 

@@ -77,9 +77,8 @@ def _refuse_all(site: str) -> None:
 def _make_record(session: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
     """Return the record, its folder, and the SHA-256 of its `as-built.json`. Raises NetcfgError."""
     import hashlib
-    import json
 
-    from atlantis_netcfg.records.asbuilt.archive import FILE, folder_of, keep, latest, new_folder
+    from atlantis_netcfg.records.asbuilt.archive import FILE, folder_of, keep, latest, new_folder, record_json
     from atlantis_netcfg.records.asbuilt.pages import html
     from atlantis_netcfg.records.asbuilt.pdf import labels_pdf, pdf
     from atlantis_netcfg.records.asbuilt.record import compare
@@ -90,7 +89,7 @@ def _make_record(session: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
     looked_at = _read(session)
     folder = new_folder(records_folder, utc_now())
     record = compare(looked_at.model_copy(update={"id": folder.name}), before)
-    data = json.dumps(record.as_json(), ensure_ascii=False, indent=1).encode()
+    data = record_json(record)
     digest = hashlib.sha256(data).hexdigest()
     files = {FILE: data, "as-built.html": html(record, digest), "as-built.pdf": pdf(record, digest)}
     if session.arguments.flag("labels"):

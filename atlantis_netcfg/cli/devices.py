@@ -63,7 +63,7 @@ def run_drift(arguments: syntax.Arguments) -> ExitCode:
         report = _report(site_session, site_session.perform(Mode.DRIFT).devices)
     if file is not None:
         _write(file, junit(report))
-    print(json_text(report.as_json()) if site_session.as_json else translate(report.as_text().rstrip()))
+    print(json_text(report.as_json()) if site_session.as_json else translate(report.as_text()).rstrip())
     return report.exit
 
 

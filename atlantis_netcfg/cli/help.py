@@ -13,7 +13,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load, summary_of
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.language import as_typed, translate
 from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def of_command(command: syntax.CommandSpec, table: Mapping[str, str]) -> str:
         "",
         f"{translate('Usage')}:",
     ]
-    lines += _wrap_usage(f"provision {command.name}", [*required_words, *optional, *flags])
+    lines += _wrap_usage(as_typed(f"provision {command.name}"), [*required_words, *optional, *flags])
     if command.words:
         lines += ["", f"{translate('Arguments')}:", *_columns((word.usage, word_text(word)) for word in command.words)]
     rows = ((flag.usage, translate(flag.help)) for flag in (*command.flags, *syntax.FRAME))

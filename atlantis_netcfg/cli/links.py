@@ -161,7 +161,8 @@ def run_prove(arguments: syntax.Arguments) -> ExitCode:
     else:
         would = "would have " if site_session.is_rehearsal else ""
         costs = [msg(f"  {arg(would)}cost over {arg(name)}: {arg(bill.words)}") for name, bill in bills_by_link.items()]
-        print(translate(join("\n", [proof.as_text(), *costs, *([f"  {count_limits(len(beyond))}"] if beyond else [])])))
+        limits = [msg(f"  {arg(count_limits(len(beyond)))}")] if beyond else []
+        print(translate(join("\n", [proof.as_text(), *costs, *limits])))
     return proof.exit
 
 

@@ -110,7 +110,7 @@ def run_qualify(arguments: syntax.Arguments) -> ExitCode:
         print(json_text(document))
     else:
         missing = (each.line() for each in results.not_measured)
-        limit_lines = [f"  {count_limits(len(not_rehearsed))}"] if not_rehearsed else []
+        limit_lines = [msg(f"  {arg(count_limits(len(not_rehearsed)))}")] if not_rehearsed else []
         for line in (*(line for each in results.results for line in each.lines()), *missing, *limit_lines):
             print(translate(line))
     return code

@@ -9,7 +9,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg
+from atlantis_netcfg.core.messages import alternatives, arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -118,7 +118,7 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
 
     if more := _given_words(arguments, "files", "via", "order"):
         raise UsageError(
-            f"`--rehearse` runs the whole transfer: it does not accept {arg(' or '.join(more))}", hint="remove it"
+            f"`--rehearse` runs the whole transfer: it does not accept {arg(alternatives(more))}", hint="remove it"
         )
     site, candidates = arguments.word("site"), []
 
@@ -147,7 +147,8 @@ def _rehearse(arguments: syntax.Arguments) -> ExitCode:
             untold = [*NOT_REHEARSED, *([ROBOT_NOT_REHEARSED] if transfer_plan.robot is not None else [])]
             document = {**status.as_dict(), "rehearsed": True, "same": same, "not_rehearsed": untold}
             code = status.exit if same else max(status.exit, ExitCode.CHECKS_FAILED)
-            return _print_answer(site_session, program, [*lines, f"  {count_limits(len(untold))}"], document, code)
+            limits = msg(f"  {arg(count_limits(len(untold)))}")
+            return _print_answer(site_session, program, [*lines, limits], document, code)
 
 
 def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:
@@ -158,7 +159,7 @@ def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:
         return
     if more := _given_words(arguments, "files", "link"):
         raise UsageError(
-            f"`{arg(order)}` refers to a running transfer: it does not accept {arg(' or '.join(more))}",
+            f"`{arg(order)}` refers to a running transfer: it does not accept {arg(alternatives(more))}",
             hint="remove it",
         )
 

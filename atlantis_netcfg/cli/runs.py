@@ -37,7 +37,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     """List the runs, oldest first; exit code 7 if there are none."""
     import sys
 
-    from atlantis_netcfg.cli.base.output import json_text, width_of
+    from atlantis_netcfg.cli.base.output import json_text
     from atlantis_netcfg.core import paths, printable
     from atlantis_netcfg.runs import Store
 
@@ -52,7 +52,7 @@ def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     if arguments.flag("json"):
         print(json_text({"exit": int(errors.ExitCode.DONE), "errors": [], "runs": rows, "archived": archived_count}))
     else:
-        width = width_of(sys.stdout) or printable.NARROW
+        width = printable.width_of(sys.stdout) or printable.NARROW
         lines = [line for key, group in _groups(rows).items() for line in _command_lines(store, key, group)]
         if archived_count and not everything:
             hint = msg(f"{arg(archived_count)} older runs are archived: `provision report runs --all` lists them too")
@@ -113,13 +113,6 @@ def _row(run: Run, site: str, *, is_open: bool) -> dict[str, Any]:
 
 _WORST_FIRST = (*errors.WORST_FIRST[:-2], errors.ExitCode.NOTHING, *errors.WORST_FIRST[-2:])
 _DETAIL_INDENT = 4
-_STATES = {
-    "unchanged": "unchanged",
-    "refused": "refused",
-    "rolled-back": "rolled back",
-    "left-as-found": "left as found",
-    "half-adopted": "half adopted",
-}
 
 
 def _groups(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
@@ -177,8 +170,8 @@ def _is_quiet(row: dict[str, Any]) -> bool:
 def _device(name: str, outcome: dict[str, Any]) -> str:
     """Format a device's status, its confirmed actions, and whether `provision device restore` can use its state."""
     state_note = translate(", state kept") if outcome["confirmed_state"] else ""
-    status = _STATES.get(outcome["status"], outcome["status"])
-    return f"{name} {translate(status)} ({outcome['confirmed']}{state_note})"
+    status = translate(outcome["status"].replace("-", " "))
+    return f"{name} {status} ({outcome['confirmed']}{state_note})"
 
 
 _WORDS = (

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, conjunction, msg
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
@@ -89,7 +89,7 @@ def _for_s(arguments: syntax.Arguments) -> int | None:
     )
     if arguments.optional("order") is None:
         if span is None or len(given_names) < 2:  # noqa: PLR2004 - both words
-            missing = " and ".join(f"`{name}=`" for name in ("link", "for") if name not in given_names)
+            missing = conjunction(f"`{name}=`" for name in ("link", "for") if name not in given_names)
             raise UsageError(f"{arg(missing)} {'are' if len(given_names) == 0 else 'is'} missing", hint=whole)
         return span_s(span)
     if given_names:

@@ -95,12 +95,9 @@ def catalogue_file(language: Language) -> Path:
 
 @cache
 def _translator(language: Language) -> Translator:
-    from atlantis_netcfg.core.catalogue import Catalogue, read  # noqa: PLC0415 - English needs none
-    from atlantis_netcfg.core.translation import Translator  # noqa: PLC0415 - as above
+    from atlantis_netcfg.core import compiled_catalogue, translation  # noqa: PLC0415 - English needs none
 
-    catalogue, contractions = read(catalogue_file(language)), _CONTRACTIONS[language]
-    recogniser = cache(lambda: Catalogue(catalogue, contractions))  # for finished texts of code without marks
-    return Translator(catalogue, contractions, lambda text: recogniser().translate(text))
+    return translation.Translator(compiled_catalogue.load(catalogue_file(language)), _CONTRACTIONS[language])
 
 
 def translate(text: str) -> str:

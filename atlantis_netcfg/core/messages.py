@@ -8,10 +8,12 @@ A message is its English text for every program: comparisons, JSON, journals and
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Self
+from functools import reduce
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
+    from typing import Self
 
 TEXT, NUMBER, MESSAGE, OLD = "\ue000", "\ue001", "\ue002", "\ue003"
 """Marks in front of a value, a number, a nested message, and the old text of a replacement."""
@@ -74,7 +76,7 @@ class _MarkedValue:
         value = self._value
         if isinstance(value, Message) and value in text:
             return f"{MESSAGE}{str.replace(text, value, value.source, 1)}{END}"
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
         return f"{NUMBER if is_number else TEXT}{_MARK.sub('', text)}{END}"
 
 
@@ -91,6 +93,30 @@ def msg(text: str) -> str:
 def join(separator: str, parts: Iterable[object]) -> str:
     """Return texts joined to one `Message`; each is translated by itself."""
     return Message(separator.join(str(_MarkedValue(part)) for part in parts))
+
+
+def shorten(text: str, length: int) -> str:
+    """Return a text with its middle left out if it is longer; values are kept if the gap is inside one text."""
+    if len(text) <= length:
+        return text
+    source, half = msg(text).source, length // 2  # type: ignore[attr-defined]
+    places = [place for place, letter in enumerate(source) if not _MARK.match(letter)]
+    start, end = places[half - 1] + 1, places[-half]
+    if OLD in source or _MARK.search(source, start, end):
+        return f"{text[:half]} … {text[-half:]}"
+    return Message(f"{source[:start]} … {source[end:]}")
+
+
+def conjunction(parts: Iterable[object]) -> str:
+    """Return texts joined by ` and ` to one `Message`; each is translated by itself."""
+    first, *rest = [*parts] or [""]
+    return reduce(lambda text, part: msg(f"{arg(text)} and {arg(part)}"), rest, join("", [first]))
+
+
+def alternatives(parts: Iterable[object]) -> str:
+    """Return texts joined by ` or ` to one `Message`; each is translated by itself."""
+    first, *rest = [*parts] or [""]
+    return reduce(lambda text, part: msg(f"{arg(text)} or {arg(part)}"), rest, join("", [first]))
 
 
 def parse(source: str) -> Iterator[tuple[str, str]]:

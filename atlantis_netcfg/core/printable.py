@@ -88,9 +88,13 @@ class Printer:
 
 
 def width_of(stream: Any) -> int:  # noqa: ANN401 - any text stream
-    """Return the columns of a terminal; 0 for any other stream."""
+    """Return the columns of a terminal, or `COLUMNS`, or 80 if neither is known; 0 for any other stream."""
     try:
-        return os.get_terminal_size(stream.fileno()).columns if stream.isatty() else 0
+        if not stream.isatty():
+            return 0
+        columns = os.environ.get("COLUMNS", "")
+        size = int(columns) if columns.isdecimal() else 0
+        return size or os.get_terminal_size(stream.fileno()).columns or NARROW
     except (AttributeError, OSError, ValueError):
         return 0
 

@@ -3,35 +3,31 @@
 from __future__ import annotations
 
 import re
-from functools import cached_property
 from string import Formatter
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import messages
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
 _PREFIX = re.compile(r"^ *(?:-> |\d+\. )?")
 """Indentation, and the prefix of a hint or of a list entry."""
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|\{(\w+)\}")
-_WORDS = re.compile(r"[a-z]{2} ?[a-z]")
 _COMMAND = re.compile(r"(?:^|: *)provision [a-z]")
 _PARSE = Formatter().parse
 _NUMBER_SIGNS = str.maketrans(".,", ",\N{NO-BREAK SPACE}")
 
 
-def key(msgid: str) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a msgid with `{}` for each value, and the names of its values."""
-    names: list[str] = []
+def numbered(msgid: str, translation: str) -> tuple[str, str]:
+    """Return both texts with `{0}`, `{1}`, … for the names of the values, in the order of the msgid."""
+    names = [match[1] for match in _PLACEHOLDER.finditer(msgid) if match[1]]
+    places, place_by_name = iter(range(len(names))), {name: place for place, name in enumerate(names)}
 
-    def replace_name(match: re.Match[str]) -> str:
-        if match[1] is None:
-            return match[0]
-        names.append(match[1])
-        return "{}"
+    def number(text: str, place_of: Callable[[str], object]) -> str:
+        return _PLACEHOLDER.sub(lambda match: f"{{{place_of(match[1])}}}" if match[1] else match[0], text)
 
-    return _PLACEHOLDER.sub(replace_name, msgid), tuple(names)
+    return number(msgid, lambda _: next(places)), number(translation, lambda name: place_by_name.get(name, name))
 
 
 def _escape(text: str) -> str:
@@ -41,26 +37,14 @@ def _escape(text: str) -> str:
 class Translator:
     """The messages of one language.
 
+    `catalogue`: translations by text, with `{0}`, `{1}`, … for the values (`numbered`).
     `contractions`: replacements for two words where a value begins with the second one, as `de o` becomes `do`.
-    `recognise`: translation of finished texts that come from code without marks; default: exact look-up of lines.
     """
 
-    def __init__(
-        self,
-        catalogue: Mapping[str, str],
-        contractions: Mapping[str, str],
-        recognise: Callable[[str], str] | None = None,
-    ) -> None:
+    def __init__(self, catalogue: Mapping[str, str], contractions: Mapping[str, str]) -> None:
         self._catalogue = catalogue
         self._contractions = contractions
         self._pairs = re.compile(rf"(?<![\w`])(?:{'|'.join(map(re.escape, contractions)) or '(?!)'})(?= \w)")
-        self._recognise = recognise
-
-    @cached_property
-    def _templates(self) -> dict[str, tuple[tuple[str, ...], str]]:
-        """By key: the names of the values, and the translation."""
-        pairs = ((key(msgid), text) for msgid, text in self._catalogue.items() if "{" in msgid or "}" in msgid)
-        return {text_key: (names, text) for (text_key, names), text in pairs}
 
     def translate(self, text: str) -> str:
         """Return the text in this language; what is missing in the catalogue stays in English."""
@@ -75,8 +59,8 @@ class Translator:
                 lines[-1] = (lines[-1][0] + _escape(first), lines[-1][1])
                 lines += [(_escape(line), []) for line in rest]
             else:
-                lines[-1][1].append((mark, part))
-                lines[-1] = (f"{lines[-1][0]}{{}}", lines[-1][1])
+                line, values = lines[-1]
+                lines[-1] = (f"{line}{{{len(values)}}}", [*values, (mark, part)])
         result = "\n".join(self._line(line, values) for line, values in lines)
         for old, new in replacements:
             in_english = old in result
@@ -87,23 +71,19 @@ class Translator:
         """Translate a line; the blanks and the prefix around it are kept."""
         start = match.end() if (match := _PREFIX.match(line)) else 0
         text = line[start:].rstrip()
-        has_braces = "{" in text or "}" in text
-        if has_braces and (values or text in self._templates):
-            names, template = self._templates.get(text, ((), text))
-            text_in_language = self._fill(template, dict(zip(names, values, strict=False)), iter(values))
+        translation = self._catalogue.get(text, "")
+        if values or (translation and ("{" in text or "}" in text)):
+            text_in_language = self._fill(translation or text, values)
         else:
-            plain = text.replace("{{", "{").replace("}}", "}") if has_braces else text
-            text_in_language = "" if has_braces else self._catalogue.get(plain, "")
-            if not text_in_language:
-                text_in_language = self._recognise(plain) if self._recognise and _WORDS.search(plain) else plain
+            text_in_language = translation or text.replace("{{", "{").replace("}}", "}")
         return line[:start] + text_in_language + line[start + len(text) :]
 
-    def _fill(self, template: str, by_name: Mapping[str, tuple[str, str]], rest: Iterator[tuple[str, str]]) -> str:
+    def _fill(self, template: str, values: Sequence[tuple[str, str]]) -> str:
         result, contracts = "", False
         for literal, name, _, _ in _PARSE(template):
             result += literal
             if name is not None:
-                mark, part = by_name[name] if name else next(rest)
+                mark, part = values[int(name)]
                 english = str.__str__(messages.Message(part))
                 is_typed = result.count("`") % 2 == 1 or _COMMAND.search(result)
                 value = english if is_typed else self._value(mark, part, english)

@@ -47,19 +47,40 @@ _CEPT_2GHZ = (Range(2400, 2483.5, True, True, 20.0, "2400-2483.5 MHz"),)
 UNKNOWN = "later"
 """Country whose rules are not known here: rehearsals use the European ones, real radios are refused."""
 _COUNTRIES = (
-    "portugal:PT:Europe/Lisbon,belgium:BE:Europe/Brussels,austria:AT:Europe/Vienna,bulgaria:BG:Europe/Sofia,"
-    "croatia:HR:Europe/Zagreb,cyprus:CY:Asia/Nicosia,denmark:DK:Europe/Copenhagen,estonia:EE:Europe/Tallinn,"
-    "finland:FI:Europe/Helsinki,france:FR:Europe/Paris,germany:DE:Europe/Berlin,greece:GR:Europe/Athens,"
-    "hungary:HU:Europe/Budapest,iceland:IS:Atlantic/Reykjavik,ireland:IE:Europe/Dublin,italy:IT:Europe/Rome,"
-    "latvia:LV:Europe/Riga,lithuania:LT:Europe/Vilnius,luxembourg:LU:Europe/Luxembourg,malta:MT:Europe/Malta,"
-    "netherlands:NL:Europe/Amsterdam,norway:NO:Europe/Oslo,poland:PL:Europe/Warsaw,romania:RO:Europe/Bucharest,"
-    "slovakia:SK:Europe/Bratislava,slovenia:SI:Europe/Ljubljana,spain:ES:Europe/Madrid,"
-    f"sweden:SE:Europe/Stockholm,switzerland:CH:Europe/Zurich,{UNKNOWN}:00:UTC"
+    ("portugal", "PT", "Europe/Lisbon"),
+    ("belgium", "BE", "Europe/Brussels"),
+    ("austria", "AT", "Europe/Vienna"),
+    ("bulgaria", "BG", "Europe/Sofia"),
+    ("croatia", "HR", "Europe/Zagreb"),
+    ("cyprus", "CY", "Asia/Nicosia"),
+    ("denmark", "DK", "Europe/Copenhagen"),
+    ("estonia", "EE", "Europe/Tallinn"),
+    ("finland", "FI", "Europe/Helsinki"),
+    ("france", "FR", "Europe/Paris"),
+    ("germany", "DE", "Europe/Berlin"),
+    ("greece", "GR", "Europe/Athens"),
+    ("hungary", "HU", "Europe/Budapest"),
+    ("iceland", "IS", "Atlantic/Reykjavik"),
+    ("ireland", "IE", "Europe/Dublin"),
+    ("italy", "IT", "Europe/Rome"),
+    ("latvia", "LV", "Europe/Riga"),
+    ("lithuania", "LT", "Europe/Vilnius"),
+    ("luxembourg", "LU", "Europe/Luxembourg"),
+    ("malta", "MT", "Europe/Malta"),
+    ("netherlands", "NL", "Europe/Amsterdam"),
+    ("norway", "NO", "Europe/Oslo"),
+    ("poland", "PL", "Europe/Warsaw"),
+    ("romania", "RO", "Europe/Bucharest"),
+    ("slovakia", "SK", "Europe/Bratislava"),
+    ("slovenia", "SI", "Europe/Ljubljana"),
+    ("spain", "ES", "Europe/Madrid"),
+    ("sweden", "SE", "Europe/Stockholm"),
+    ("switzerland", "CH", "Europe/Zurich"),
+    (UNKNOWN, "00", "UTC"),
 )
-_ROWS = [row.split(":") for row in _COUNTRIES.split(",")]
-COUNTRY_CODES: dict[str, str] = {name: code for name, code, _ in _ROWS}
+COUNTRY_CODES: dict[str, str] = {name: code for name, code, _ in _COUNTRIES}
 """Country name in RouterOS to its ISO 3166-1 code, as used by Linux; 00 is the whole world."""
-TIME_ZONES: dict[str, str] = {name: zone for name, _, zone in _ROWS}
+TIME_ZONES: dict[str, str] = {name: zone for name, _, zone in _COUNTRIES}
 """Country name in RouterOS to the time zone of its capital."""
 RANGES: dict[str, dict[str, tuple[Range, ...]]] = {
     country: {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ} for country in COUNTRY_CODES

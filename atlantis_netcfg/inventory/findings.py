@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError, nearest
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, join, msg, shorten
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -42,7 +42,7 @@ class Finding:
     @classmethod
     def at(cls, mark: Mark, message: str, hint: str) -> Finding:
         """Build a finding at a place; long user input is shortened."""
-        return cls(mark.file, mark.line, mark.column, _shorten(message), _shorten(hint))
+        return cls(mark.file, mark.line, mark.column, shorten(message, _LONGEST), shorten(hint, _LONGEST))
 
     def __str__(self) -> str:
         return msg(f"{arg(self.file)}:{arg(self.line)}:{arg(self.column)}: {arg(self.message)}")
@@ -51,10 +51,6 @@ class Finding:
 _LONGEST = 400
 _WHERE = "in the inventory; no device was contacted"
 MOST_SHOWN = 50
-
-
-def _shorten(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
 
 
 class InventoryInvalid(UsageError):

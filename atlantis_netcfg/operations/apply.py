@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.core.crash_report import report_crash
 from atlantis_netcfg.core.errors import ExitCode, worst
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.processes.worker import run_until_settled
 from atlantis_netcfg.operations.common import schedule
 from atlantis_netcfg.operations.common.costs import Costs, require_consent
@@ -295,7 +295,8 @@ def _host_result(name: str, result: Mapping[str, Any]) -> dict[str, Any]:
 
 def _diff_text(name: str, result: Mapping[str, Any]) -> str:
     """Return a device's `--diff` text: the lines that would change, then the same as drift."""
-    drift = "" if result["comparison"] is None else drift_lines(result["comparison"])
+    lines = () if result["comparison"] is None else drift_lines(result["comparison"])
+    drift = join("", (msg(f"{arg(line)}\n") for line in lines))
     return msg(f"{arg(name)}:\n{arg(result['diff'])}{arg(drift)}" if result["diff"] or drift else "")
 
 

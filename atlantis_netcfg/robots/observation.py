@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.inventory.robots.reading import read_published
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
 from atlantis_netcfg.links import LinkFinding
@@ -228,7 +228,7 @@ def _check_duplicates(
 ) -> Iterator[LinkFinding]:
     keys = dict.fromkeys(configuration.writer.participant for configuration, _ in copies)
     if len(keys) > 1:
-        where = " and ".join(observation.participants.get(key, "an unknown address") for key in keys)
+        where = conjunction(observation.participants.get(key, "an unknown address") for key in keys)
         message = msg(f"{arg(len(keys))} participants announce themselves as `{arg(name)}`: {arg(where)}")
         yield LinkFinding(Verdict.FAIL, "namespace-twice", message, "give each robot its own namespace")
 

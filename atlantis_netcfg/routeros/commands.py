@@ -14,6 +14,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.routeros import _types, menus
 from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.rsc import in_quotes, quote
@@ -206,8 +207,8 @@ class Examination:
 
     def _judge(self, lines: Sequence[str], reply: Reply) -> None:
         if reply.trap is not None or reply.ret is None:
-            text = f" ({reply.trap.message})" if reply.trap is not None else ""
-            self.unclear = f"the device does not run a script that only parses{text}"
+            text = msg(f" ({arg(reply.trap.message)})" if reply.trap is not None else "")
+            self.unclear = msg(f"the device does not run a script that only parses{arg(text)}")
             return
         answers = _answers(reply.ret.replace("\r\n", "\n"))
         if not refusal(answers.pop(len(lines), "")) or any(number > len(lines) for number in answers):
@@ -224,25 +225,28 @@ class Examination:
         """Return why it is uncertain whether the device accepts the whole plan; empty if it is certain."""
         arguments = {(action.menu, name) for action in actions for name, _ in action.values}
         lists = sorted(each for each, words in self._lists.items() if words is None and each in arguments)
-        values = (f"it does not tell which words `{name}` of {menus.MENUS[menu].title} takes" for menu, name in lists)
-        why = "; ".join((*((self.unclear,) if self.unclear else ()), *values))
-        return f"INCONCLUSIVE whether this device takes every command of the plan: {why}" if why else ""
+        values = (
+            msg(f"it does not tell which words `{arg(name)}` of {arg(menus.MENUS[menu].title)} takes")
+            for menu, name in lists
+        )
+        why = join("; ", (*((self.unclear,) if self.unclear else ()), *values))
+        return msg(f"INCONCLUSIVE whether this device takes every command of the plan: {arg(why)}" if why else "")
 
     def objections(self, actions: Iterable[_types.Action], source: str) -> Iterator[str]:
         """Yield what the device rejects, with the line of the desired text."""
         for action in actions:
             words = self.refusals.get(_line(action), "") or next(self._foreign(action), "")
             if words:
-                place = f"{source}, line {action.line}: " if action.line else ""
-                what = f"{action.verb.value} {action.subject} in {menus.MENUS[action.menu].title}"
-                yield f"{place}the device's own parser does not take this ({what}): {words}"
+                place = msg(f"{arg(source)}, line {arg(action.line)}: " if action.line else "")
+                what = msg(f"{arg(action.verb.value)} {arg(action.subject)} in {arg(menus.MENUS[action.menu].title)}")
+                yield msg(f"{arg(place)}the device's own parser does not take this ({arg(what)}): {arg(words)}")
 
     def _foreign(self, action: _types.Action) -> Iterator[str]:
         """Yield values that are not in their closed list."""
         for name, value in action.values:
             words = self._lists.get((action.menu, name))
             if words is not None and value not in words:
-                yield f"`{name}` is one of {', '.join(words)}, not {value}"
+                yield msg(f"`{arg(name)}` is one of {arg(', '.join(words))}, not {arg(value)}")
 
 
 def _cut(lines: Sequence[str], room: int) -> list[list[str]]:
@@ -296,7 +300,7 @@ def refusal(code: str, line: str = "") -> str | None:
         match = refusal.match(code)
         if match is not None:
             words, name = match[1], _name_at(line, int(match[2]))
-            return words if words.startswith("bad ") or not name else f"{words} at `{name}`"
+            return words if words.startswith("bad ") or not name else msg(f"{arg(words)} at `{arg(name)}`")
     return None
 
 

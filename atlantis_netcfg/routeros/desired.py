@@ -7,7 +7,8 @@
 `# atlantis:run-time /ip route distance=10 distance=110`: the device itself replaces 10 by 110 while it works; a row
 with either value is in the desired state.
 
-`# atlantis:note /tool netwatch: asking takes 1 MB a day`: a note shown with every plan that changes that menu.
+`# atlantis:note /tool netwatch: asking takes {1} MB a day`: a note shown with every plan that changes that menu; its
+values stand in braces.
 
 All errors are reported together.
 """
@@ -30,6 +31,7 @@ __all__ = ["DesiredState", "Mistake", "RowItem", "from_export", "read"]
 
 _DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*atlantis:(\S*)[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
 _ENTIRE, _UNDECLARED_ROWS, _RUN_TIME, _NOTE = "entire", "undeclared", "run-time", "note"
+_VALUE = re.compile(r"\{(.*?)\}")
 _SINGLE = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)")
 _EITHER = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)[ \t]+\2=(\S*)")
 
@@ -83,7 +85,7 @@ def _parse_directives(text: str, source: str, mistakes: list[str], directives: _
                 run_time.append(_parse_run_time(argument))
             elif word == _NOTE:
                 title, _, remark = argument.partition(": ")
-                remarks.append((_menu_named(title).path, remark))
+                remarks.append((_menu_named(title).path, msg(_VALUE.sub(lambda match: f"{arg(match[1])}", remark))))
             else:
                 directive_names = (_ENTIRE, _UNDECLARED_ROWS, _RUN_TIME, _NOTE)
                 raise Mistake(f"unknown directive `atlantis:{arg(word)}`{arg(near(word, directive_names))}")  # noqa: TRY301

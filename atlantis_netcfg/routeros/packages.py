@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError, UsageError
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import alternatives, arg, join, msg
 from atlantis_netcfg.core.versions import Version
 
 if TYPE_CHECKING:
@@ -333,7 +333,7 @@ def _left_behind(
             continue
         reasons.append(
             msg(
-                f"{arg(package.name)} is installed, but the new packages have no {arg(' or '.join(heirs))} of "
+                f"{arg(package.name)} is installed, but the new packages have no {arg(alternatives(heirs))} of "
                 f"{arg(version)} (add it, or do without it with drop={arg(package.name)})"
             )
         )

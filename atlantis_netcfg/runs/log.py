@@ -59,7 +59,7 @@ class Log:
 def line(entry: LogEntry, previous: bytes = b"") -> bytes:
     """Return the record as one line of the file; its checksum continues that of the `previous` line."""
     data = {"at": entry.at.isoformat(timespec="milliseconds"), **_RECORDS.dump_python(entry.record, mode="json")}
-    data |= marked_texts(_fields(entry.record))
+    data |= marked_texts(entry.record)
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode(errors="replace").removesuffix(b"}")
     return b'%s,"sum":"%s"}\n' % (text, _checksum(previous, text))
 

@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg, msg
 
 if TYPE_CHECKING:
     from collections.abc import Container
@@ -58,10 +59,13 @@ class NameTaken(UsageError):
 def check_name(text: str, what: str) -> str:
     """Return `text` if it is a valid name. Raises InvalidNameError, which names `what` and offers a valid name."""
     if NAME.fullmatch(text) is None:
-        raise InvalidNameError(f"{what} `{_printable(text)}` {_explain_bad_name(text)}", hint=_offer(text, what))
+        raise InvalidNameError(
+            f"{arg(what)} `{arg(_printable(text))}` {arg(_explain_bad_name(text))}", hint=_offer(text, what)
+        )
     if text in RESERVED_WORDS:
         raise InvalidNameError(
-            f"{what} `{text}` is a reserved word of OpenVPN or nft", hint=f"{what}={text}-1, for instance"
+            f"{arg(what)} `{arg(text)}` is a reserved word of OpenVPN or nft",
+            hint=f"{arg(what)}={arg(text)}-1, for instance",
         )
     return text
 
@@ -73,8 +77,9 @@ def member_name(partner: str, device: str) -> str:
         room = LONGEST - len(partner) - 1
         short = device[: max(room, 0)].rstrip("-")
         raise InvalidNameError(
-            f"`{name}` has {len(name)} characters: partner and device have {LONGEST} together at most, with the `-`",
-            hint=f"device={short}, for instance" if short else "take a shorter key for the partner",
+            f"`{arg(name)}` has {arg(len(name))} characters: partner and device have {arg(LONGEST)} together "
+            "at most, with the `-`",
+            hint=f"device={arg(short)}, for instance" if short else "take a shorter key for the partner",
         )
     return check_name(name, "name")
 
@@ -88,19 +93,20 @@ def check_free(
     """
     if partner is not None and name in host_names:
         raise NameTaken(
-            f"`{name}` is the name of a declared host: device `{device}` of partner `{partner}` cannot have it",
-            hint=f"device={device}-2, for instance",
+            f"`{arg(name)}` is the name of a declared host: device `{arg(device)}` of partner `{arg(partner)}` "
+            "cannot have it",
+            hint=f"device={arg(device)}-2, for instance",
         )
     member = membership.members.get(name)
     if member is None or (member.partner, member.device) == (partner, device):
         return member
-    raise NameTaken(f"`{name}` is the name of {_whose(member)}", hint=f"device={device}-2, for instance")
+    raise NameTaken(f"`{arg(name)}` is the name of {arg(_whose(member))}", hint=f"device={arg(device)}-2, for instance")
 
 
 def _whose(member: Member) -> str:
     if member.partner is None:
-        return f"the pilot's own `{member.device}`"
-    return f"device `{member.device}` of partner `{member.partner}`"
+        return msg(f"the pilot's own `{arg(member.device)}`")
+    return msg(f"device `{arg(member.device)}` of partner `{arg(member.partner)}`")
 
 
 def _printable(text: str) -> str:
@@ -115,7 +121,7 @@ def _explain_bad_name(text: str) -> str:
     if text.endswith(("\n", "\r")):
         return "has a line break at its end"
     if strange := next((letter for letter in text if not letter.isascii()), None):
-        return f"has {_letter_name(strange)} in it: letters are a to z without accents"
+        return msg(f"has {arg(_letter_name(strange))} in it: letters are a to z without accents")
     for letter, why in _WHY.items():
         if letter in text:
             return why
@@ -130,8 +136,8 @@ def _why_plain(text: str) -> str:
     if any(letter.isupper() for letter in text):
         return "has capital letters: names are written small"
     if wrong := next((letter for letter in text if not (letter.isalnum() or letter == "-")), None):
-        return f"has `{_printable(wrong)}` in it: names have a to z, 0 to 9, and `-` between them"
-    return f"has {len(text)} characters: {LONGEST} at most"
+        return msg(f"has `{arg(_printable(wrong))}` in it: names have a to z, 0 to 9, and `-` between them")
+    return msg(f"has {arg(len(text))} characters: {arg(LONGEST)} at most")
 
 
 def _letter_name(letter: str) -> str:
@@ -147,5 +153,5 @@ def _offer(text: str, what: str) -> str:
     plain = unicodedata.normalize("NFKD", text[: 4 * LONGEST]).encode("ascii", "ignore").decode()
     near = re.sub(r"[^a-z0-9]+", "-", plain.lower())[:LONGEST].strip("-")
     if near and near not in RESERVED_WORDS:
-        return f"{what}={near}, for instance"
+        return msg(f"{arg(what)}={arg(near)}, for instance")
     return "a name has a to z, 0 to 9 and `-` between them, like sparus2"

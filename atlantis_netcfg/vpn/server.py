@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.computers import parts
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.inventory.model import Router, VpnServer
 from atlantis_netcfg.routeros.render import environment, template_folder
 from atlantis_netcfg.vpn import identity
@@ -281,10 +282,10 @@ def ccd(member: identity.Member, certificate: identity.Certificate, inventory: I
     """
     vpn = inventory.pilot.vpn
     if not _COMMON_NAME.fullmatch(certificate.common_name):
-        raise UsageError(f"`{certificate.common_name!a}` is no common name of this authority", hint=_BROKEN)
+        raise UsageError(f"`{arg(certificate.common_name)!a}` is no common name of this authority", hint=_BROKEN)
     if member.address not in vpn.network:
         raise UsageError(
-            f"{member.address} of {member.name} is outside the VPN's network {vpn.network}",
+            f"{arg(member.address)} of {arg(member.name)} is outside the VPN's network {arg(vpn.network)}",
             hint="put `pilot.vpn.network` back to what it was, or revoke the member",
         )
     view = {
@@ -305,8 +306,9 @@ def tunnel_address(inventory: Inventory, host: Host) -> IPv4Address:
     address = device.vpn_address if isinstance(device, VpnServer) else None
     if address is None:
         raise UsageError(
-            f"the VPN server {host.name} has no address in its own VPN",
-            hint=f"write `vpn_address:` in host_vars/{host.name}.yml, one of {inventory.pilot.vpn.infrastructure}",
+            f"the VPN server {arg(host.name)} has no address in its own VPN",
+            hint=f"write `vpn_address:` in host_vars/{arg(host.name)}.yml, one of "
+            f"{arg(inventory.pilot.vpn.infrastructure)}",
         )
     return address
 
@@ -333,6 +335,6 @@ def _read(authority: Path, name: str) -> bytes:
 
 def _missing(authority: Path, name: str) -> UsageError:
     return UsageError(
-        f"the VPN has no authority on this computer: there is no {name} in {authority}",
+        f"the VPN has no authority on this computer: there is no {arg(name)} in {arg(authority)}",
         hint="create one: `provision vpn init`; if a colleague has it, do not copy it: let them run this",
     )

@@ -75,7 +75,7 @@ def headline(document: Document) -> tuple[signs.ShownState, str]:
         return signs.ShownState.NOT_CHECKED, "Nothing was checked"
     shown_state = next(iter(values)) if document.exit is not ExitCode.DONE else _pass_state(values)
     of_all, of_some = _HEADLINES.get(shown_state, _NOT_PASSED) if document.exit is ExitCode.DONE else _NOT_PASSED
-    return shown_state, of_some.format(scope=scope(document)) if document.scope else of_all
+    return shown_state, msg(of_some.format(scope=arg(scope(document)))) if document.scope else of_all
 
 
 def _pass_state(values: Mapping[signs.ShownState, int]) -> signs.ShownState:

@@ -4,27 +4,12 @@ from __future__ import annotations
 
 from datetime import datetime
 from enum import StrEnum
-from typing import Any, Literal, Self
-
-from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, model_validator
+from typing import Literal
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.core.messages import Message
+from atlantis_netcfg.core.message_models import MessageModel
 from atlantis_netcfg.inventory.model import Phase
-
-
-class _Data(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _keep_messages(cls, data: Any, build: ModelWrapValidatorHandler[Self]) -> Self:  # noqa: ANN401 - unchecked yet
-        """Keep the values of messages; pydantic makes plain text of them."""
-        model = build(data)
-        if isinstance(data, dict):
-            model.__dict__.update({name: value for name, value in data.items() if isinstance(value, Message)})
-        return model
 
 
 class ItemKind(StrEnum):
@@ -53,7 +38,7 @@ class EvidenceType(StrEnum):
     """A photo, a screenshot, an exported backup: `file` and `sha256` say which."""
 
 
-class Evidence(_Data):
+class Evidence(MessageModel):
     """One piece of evidence."""
 
     type: EvidenceType
@@ -68,7 +53,7 @@ class Evidence(_Data):
     sha256: str | None = None
 
 
-class ItemFinding(_Data):
+class ItemFinding(MessageModel):
     """One finding of an item's verdict."""
 
     verdict: Verdict
@@ -77,7 +62,7 @@ class ItemFinding(_Data):
     hint: str | None = None
 
 
-class Override(_Data):
+class Override(MessageModel):
     """A person's acceptance of responsibility for an item that did not pass."""
 
     reason: str
@@ -85,7 +70,7 @@ class Override(_Data):
     at: datetime
 
 
-class Item(_Data):
+class Item(MessageModel):
     """One line of the checklist."""
 
     id: str
@@ -125,7 +110,7 @@ class Item(_Data):
         return self.verdict
 
 
-class Row(_Data):
+class Row(MessageModel):
     """A row of the grid."""
 
     key: str
@@ -142,14 +127,14 @@ class Row(_Data):
     """Columns that are checked although Table 3 does not mark them: a location's links, `ethernet`."""
 
 
-class LeftOut(_Data):
+class LeftOut(MessageModel):
     """Something that was not checked."""
 
     what: str
     why: str
 
 
-class ItemChange(_Data):
+class ItemChange(MessageModel):
     """An item that differs from the last green checklist."""
 
     id: str
@@ -159,7 +144,7 @@ class ItemChange(_Data):
     message: str
 
 
-class SinceGreen(_Data):
+class SinceGreen(MessageModel):
     """Changes since the last green checklist of the same scope."""
 
     run: str
@@ -167,7 +152,7 @@ class SinceGreen(_Data):
     changes: tuple[ItemChange, ...]
 
 
-class DrawnNode(_Data):
+class DrawnNode(MessageModel):
     """A node in the drawing of the site."""
 
     key: str
@@ -179,7 +164,7 @@ class DrawnNode(_Data):
     detail: str = ""
 
 
-class DrawnLink(_Data):
+class DrawnLink(MessageModel):
     """A link in the drawing."""
 
     a: str
@@ -190,14 +175,14 @@ class DrawnLink(_Data):
     items: tuple[str, ...] = ()
 
 
-class Drawing(_Data):
+class Drawing(MessageModel):
     """Drawing of the site, from the inventory."""
 
     nodes: tuple[DrawnNode, ...]
     links: tuple[DrawnLink, ...]
 
 
-class Signature(_Data):
+class Signature(MessageModel):
     """Signature of a named person over the whole document."""
 
     by: str
@@ -212,7 +197,7 @@ class Signature(_Data):
     """Ed25519 over the canonical JSON of this block without this field, base64: name and time are signed as well."""
 
 
-class Document(_Data):
+class Document(MessageModel):
     """A complete checklist of a site."""
 
     version: Literal[1] = 1

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from atlantis_netcfg.core import errors
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import alternatives, arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -158,7 +158,7 @@ def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: 
         rest = [argument for argument in command_line if argument != words[0]]
         lines = [shlex.join(["provision", *name.split(), *rest]) for name in names]
         return errors.UsageError(
-            f"unknown command `{arg(words[0])}`", hint=f"type {arg(' or '.join(f'`{line}`' for line in lines))}"
+            f"unknown command `{arg(words[0])}`", hint=f"type {arg(alternatives(f'`{line}`' for line in lines))}"
         )
     longer = [name for name in table if name.startswith(f"{words[0]} ")]
     near = errors.nearest(" ".join(words[:2]), longer) or errors.nearest(words[0], table)

@@ -164,16 +164,11 @@ def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
     for message, hint in errors:
         lines = [*translate(message).splitlines(), *(translate(hint).splitlines() if hint else ())]
         rows: list[printable.Row] = [
-            (StyledText(msg(f"{arg(label)}: "), Style.BAD), text) if place == 0 else f"{'':<{indent}}{text}"
+            (StyledText(f"{label}: ", Style.BAD), text) if place == 0 else f"{'':<{indent}}{text}"
             for place, text in enumerate(map(printable.line, lines))
         ]
-        width = width_of(sys.stderr)
+        width = printable.width_of(sys.stderr)
         printable.show((line for row in rows for line in printable.wrap_row(row, width, indent)), sys.stderr)
-
-
-def width_of(out: TextIO) -> int:
-    """Return the width for wrapping: a terminal's columns; 0 elsewhere, for programs and `grep`."""
-    return _terminal().columns if out.isatty() else 0
 
 
 def _terminal() -> os.terminal_size:
@@ -184,7 +179,7 @@ def _terminal() -> os.terminal_size:
 
 def page(rows: Sequence[printable.Row]) -> None:
     """Print lines; on an interactive terminal, long output goes through `$PAGER`, or else `less`."""
-    out, width = sys.stdout, width_of(sys.stdout)
+    out, width = sys.stdout, printable.width_of(sys.stdout)
     lines = [line for row in rows for line in printable.wrap_row(row, width, _MARGIN)]
     height = _terminal().lines
     able = os.environ.get("TERM", "dumb") != "dumb"  # `less` asks there whether it may go on

@@ -340,7 +340,7 @@ class CommandSession:
             print(output.json_text(as_json))
         else:
             final_report = replace(report, next_command=next_command or self._next_command(report), record=record)
-            printable.show(final_report.rows(output.width_of(sys.stdout)), sys.stdout)
+            printable.show(final_report.rows(printable.width_of(sys.stdout)), sys.stdout)
         return report.exit
 
     def _keep(self, runs: Sequence[str], result: Mapping[str, Any]) -> str:

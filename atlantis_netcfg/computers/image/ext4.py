@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.image import facts
 from atlantis_netcfg.core import processes, temporary
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -40,10 +40,11 @@ def require_tools(*names: str) -> None:
     """Raise ImageError with all programs that are not installed."""
     missing = [name for name in names if _find_program(name) is None]
     if missing:
-        tools, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
+        tools = conjunction(f"`{name}`" for name in missing)
         packages = " ".join(dict.fromkeys(PROGRAMS[name] for name in missing))
         raise facts.ImageError(
-            f"{arg(tools)} {arg(verb)} not installed on this computer", hint=f"sudo apt install {arg(packages)}"
+            f"{arg(tools)} {'is' if len(missing) == 1 else 'are'} not installed on this computer",
+            hint=f"sudo apt install {arg(packages)}",
         )
 
 

@@ -24,6 +24,8 @@ _PLUGINS = Path(__file__).parents[2] / "ansible_collections/atlantis/netcfg/plug
 _BOARD = _PLUGINS / "plugin_utils" / "board"
 INSTALL = _BOARD / "install.py"
 """Program that installs a tool on the gateway."""
+_CORE = ("messages", "stored_messages")
+"""Modules of `core` that the modules on other computers need."""
 _DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 _LIVE = "vpn_"
 """Prefix of files that only the VPN server needs."""
@@ -76,6 +78,7 @@ def _files(plugins: Path) -> Iterator[tuple[str, str]]:
     for package in ("ansible", "ansible/module_utils", "atlantis", "atlantis/modules", "atlantis/module_utils"):
         yield f"{package}/__init__.py", ""
     yield "atlantis/modules/batch.py", (_BOARD / "batch.py").read_text(encoding="utf-8")
+    yield from _core_files()
     for path in plugins.glob("module_utils/*.py"):
         if not path.name.startswith(_LIVE):
             yield f"atlantis/module_utils/{path.name}", path.read_text(encoding="utf-8")
@@ -83,10 +86,18 @@ def _files(plugins: Path) -> Iterator[tuple[str, str]]:
         yield f"atlantis/modules/{path.name}", _strip_documentation(path.read_text(encoding="utf-8"))
 
 
+def _core_files() -> Iterator[tuple[str, str]]:
+    for package in ("atlantis_netcfg", "atlantis_netcfg/core"):
+        yield f"{package}/__init__.py", ""
+    for name in _CORE:
+        yield f"atlantis_netcfg/core/{name}.py", (Path(__file__).parents[1] / f"{name}.py").read_text(encoding="utf-8")
+
+
 def _live_files(plugins: Path) -> Iterator[tuple[str, str]]:
     yield "__main__.py", (_BOARD / "live.py").read_text(encoding="utf-8")
     for package in ("atlantis", "atlantis/module_utils"):
         yield f"{package}/__init__.py", ""
+    yield from _core_files()
     pending_names, read = [_SERVES], set[str]()
     while pending_names:
         if (name := pending_names.pop()) not in read:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import alternatives, arg, conjunction, join, msg
 from atlantis_netcfg.inventory import _draft, channels, findings, model
 from atlantis_netcfg.inventory._yaml import SealedSecret
 
@@ -40,9 +40,7 @@ def standard_and_band(draft: _draft.Draft) -> Iterator[findings.Finding]:
     for part, block, radio in _transmitters(draft):
         bands = channels.BANDS[radio.standard]
         if radio.band not in bands:
-            message = msg(
-                f"{arg(radio.standard)} is a standard of {arg(' and '.join(bands))}, not of {arg(radio.band)}"
-            )
+            message = msg(f"{arg(radio.standard)} is a standard of {arg(conjunction(bands))}, not of {arg(radio.band)}")
             fitting = [standard for standard, its in channels.BANDS.items() if radio.band in its]
             hint = msg(f"write `band: {arg(bands[0])}`, or one of {arg(join(', ', fitting))}")
             yield draft.finding_at(part, (block, "standard"), message, hint)
@@ -55,7 +53,7 @@ def width(draft: _draft.Draft) -> Iterator[findings.Finding]:
         if radio.width_mhz not in widths:
             message = msg(f"{arg(radio.standard)} at {arg(radio.band)} has no channels of {arg(radio.width_mhz)} MHz")
             yield draft.finding_at(
-                part, (block, "width_mhz"), message, msg(f"choose {arg(' or '.join(map(str, widths)))}")
+                part, (block, "width_mhz"), message, msg(f"choose {arg(alternatives(map(str, widths)))}")
             )
 
 

@@ -120,7 +120,7 @@ def recompute(folder: Path, thresholds: tuple[str, QualifyProfile] | None = None
 
 def _kept_record(folder: Path) -> QualifyRecord | None:
     try:
-        return QualifyRecord.model_validate_json((folder / RECORD_FILE).read_bytes())
+        return QualifyRecord.from_json((folder / RECORD_FILE).read_bytes())
     except (OSError, ValueError):
         return None
 
@@ -133,4 +133,4 @@ def keep_record(folder: Path, record: QualifyRecord) -> None:
 
 def record_json(record: QualifyRecord) -> bytes:
     """Return `record.json`: the same bytes for the same figures."""
-    return (record.model_dump_json(indent=1) + "\n").encode()
+    return f"{record.to_json(indent=1)}\n".encode()

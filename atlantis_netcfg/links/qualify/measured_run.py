@@ -16,10 +16,11 @@ from decimal import Decimal
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.message_models import MessageModel
 from atlantis_netcfg.links.cost import Tariff
 from atlantis_netcfg.links.qualify.judgement import QualifyProfile
 
@@ -40,13 +41,7 @@ class Selection(StrEnum):
     ALL = "all"
 
 
-class RunPart(BaseModel):
-    """A part of `run.json`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class FarEnd(RunPart):
+class FarEnd(MessageModel):
     """The reflector that responded."""
 
     name: str
@@ -58,7 +53,7 @@ class FarEnd(RunPart):
     """This computer's source address in the packets."""
 
 
-class BudgetLimits(RunPart):
+class BudgetLimits(MessageModel):
     """The limits that a person has set; None means no limit of that kind."""
 
     max_bytes: int | None = None
@@ -66,7 +61,7 @@ class BudgetLimits(RunPart):
     max_price: Decimal | None = None
 
 
-class LinkCount(RunPart):
+class LinkCount(MessageModel):
     """The router's counters for one link of the site between the first packet and the last.
 
     `test_*`: packets of this run alone, by counting rules of the router; None if it did not count. Through the VPN: all
@@ -83,7 +78,7 @@ class LinkCount(RunPart):
     port_bytes_down: int | None = None
 
 
-class MeasuredRun(RunPart):
+class MeasuredRun(MessageModel):
     """All data about a run except its samples."""
 
     version: int = VERSION
@@ -126,7 +121,7 @@ class MeasuredRun(RunPart):
     path_mtu_reason: str = ""
     thresholds_name: str
     thresholds: QualifyProfile
-    facts: dict[str, str] = {}
+    facts: dict[str, str] = Field(default_factory=dict)
     """Facts about the link that its devices reported at the beginning (signal, cell, version): label to value."""
     remarks: tuple[str, ...] = ()
     time_zone: str = ""
@@ -135,9 +130,9 @@ class MeasuredRun(RunPart):
 
 def write_run(folder: Path, run: MeasuredRun) -> None:
     """Replace `run.json` in a run's folder atomically."""
-    write_atomically(folder / RUN_FILE, f"{run.model_dump_json(indent=1)}\n".encode())
+    write_atomically(folder / RUN_FILE, f"{run.to_json(indent=1)}\n".encode())
 
 
 def read_run(folder: Path) -> MeasuredRun:
     """Read `run.json`; raise OSError, or ValueError if it is not of this version."""
-    return MeasuredRun.model_validate_json((folder / RUN_FILE).read_text(encoding="utf-8"))
+    return MeasuredRun.from_json((folder / RUN_FILE).read_bytes())

@@ -14,9 +14,8 @@ from decimal import Decimal  # noqa: TC003 - dataclasses in a model
 from math import isclose
 from typing import TYPE_CHECKING, Final, Literal
 
-from pydantic import BaseModel, ConfigDict
-
 from atlantis_netcfg.core.events import Verdict, worst
+from atlantis_netcfg.core.message_models import MessageModel
 from atlantis_netcfg.links.cost import bill
 from atlantis_netcfg.links.qualify import grids, judgement, search
 from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS
@@ -107,10 +106,8 @@ class HighestRate:
     steps: tuple[RateStep, ...]
 
 
-class QualifyRecord(BaseModel):
+class QualifyRecord(MessageModel):
     """`record.json`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     version: int = VERSION
     samples_sha256: str

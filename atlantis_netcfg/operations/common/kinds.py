@@ -12,7 +12,7 @@ from ipaddress import IPv4Interface, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NoMatchError
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, conjunction, msg
 from atlantis_netcfg.emulator import routeros
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros import render
@@ -94,7 +94,7 @@ class ManagedDevice(ABC):
 
     def unfit(self, radios: Collection[str]) -> tuple[str, str]:
         """Return why no text fits a device with radios in these menus, and what to do about it."""
-        there = " and ".join(sorted(radios)) or "no radio"
+        there = conjunction(sorted(radios)) or "no radio"
         return msg(
             f"{arg(self.host.name)} has {arg(there)}, which is not in the inventory"
         ), "correct its host_vars file"

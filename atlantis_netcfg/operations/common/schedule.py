@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import alternatives, arg, msg
 from atlantis_netcfg.inventory.model import Cpe, Router
 from atlantis_netcfg.operations.common.session_link import LAN, as_link
 from atlantis_netcfg.routeros.pair import Pair, Signal
@@ -107,7 +107,7 @@ def _choose_near_end(
 
 def _hint(ends: tuple[Host, Host]) -> str:
     return msg(
-        f"give the site where you are ({arg(' or '.join(dict.fromkeys(end.site for end in ends)))}), or use via="
+        f"give the site where you are ({arg(alternatives(dict.fromkeys(end.site for end in ends)))}), or use via="
     )
 
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.computers.dds import profile_in_use
 from atlantis_netcfg.computers.dds_link import links_without_dds
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, conjunction, msg
 from atlantis_netcfg.inventory import Finding, model
 from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.links import LinkFinding
@@ -233,15 +233,15 @@ def over_budget(link: model.Link, traffic: StandingTraffic) -> LinkFinding | Non
         return _missing_budget_finding(link, traffic)
     budgets = []
     if link.standing_budget_mb is not None and traffic.month_bytes > link.standing_budget_mb * 1_000_000:
-        budgets.append(f"{link.standing_budget_mb:g} MB (`standing_budget_mb`)")
+        budgets.append(msg(f"{arg(link.standing_budget_mb):g} MB (`standing_budget_mb`)"))
     price, most = traffic.bill.price, link.standing_budget_eur
     if most is not None and price is not None and price > Decimal(str(most)):
-        budgets.append(f"{most:g} EUR (`standing_budget_eur`)")
+        budgets.append(msg(f"{arg(most):g} EUR (`standing_budget_eur`)"))
     if not budgets:
         return None
     message = msg(
         f"{arg(size(traffic.month_bytes))} of background traffic a month over {arg(link.name)} "
-        f"({arg(traffic.bill.money)}) exceeds its budget of {arg(' and '.join(budgets))}"
+        f"({arg(traffic.bill.money)}) exceeds its budget of {arg(conjunction(budgets))}"
     )
     hint = "set fewer `processes`, `participants` or `peers` under `dds:`, slower `telemetry:`, or a larger budget"
     return LinkFinding(Verdict.WARN, "standing-over-budget", message, hint)

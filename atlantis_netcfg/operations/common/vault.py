@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.runs import write_atomically
 
 if TYPE_CHECKING:
@@ -225,7 +226,7 @@ def _of_file(label: str, file: str) -> object:
         secret.load()
     except (AnsibleError, OSError) as error:
         raise UsageError(
-            f"the vault's password cannot be read from {file}: {error}",
+            f"the vault's password cannot be read from {arg(file)}: {arg(error)}",
             hint="put the password into that file, or name another: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
         ) from error
     return secret

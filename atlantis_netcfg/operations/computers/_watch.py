@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from difflib import unified_diff
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core import errors
+from atlantis_netcfg.core import errors, messages, remote_messages
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.operations.apply import RunName, SiteRun
@@ -75,7 +75,7 @@ class ComputerResult:
 
     def fail(self, task: str, values: Mapping[str, Any], status: Status) -> None:
         """Record why a task failed."""
-        words = str(values.get("msg") or "no reason was given").strip()
+        words = _text(values.get("msg")) or "no reason was given"
         self.failure = msg(f"{arg(task)}: {arg(words)}")
         self.hint = str(values["hint"]) if values.get("hint") else None
         self.changes += [str(change) for change in values.get("changes") or ()]
@@ -83,7 +83,7 @@ class ComputerResult:
 
     def not_reached(self, values: Mapping[str, Any]) -> None:
         """Record why the connection failed, in short form; the computer is unchanged."""
-        words = str(values.get("msg") or "no response").strip()
+        words = _text(values.get("msg")) or "no response"
         self.hint = str(values["hint"]) if values.get("hint") else None
         if (trouble := key_trouble(self.name, words)) is not None:
             words, self.hint = trouble
@@ -123,20 +123,25 @@ class ComputerResult:
     @property
     def message(self) -> str:
         """The computer's message in the report."""
-        text = "; finding: ".join([self._message, *self.findings])
+        text = self._message
+        for finding in self.findings:
+            text = msg(f"{arg(text)}; finding: {arg(finding)}")
         return text if self.is_recorded else msg(f"{arg(text)}; {arg(NOT_RECORDED)}")
 
     @property
     def _message(self) -> str:
-        count = msg(f"{arg(len(self.changes))} change{'' if len(self.changes) == 1 else 's'}")
         if self.failure is not None:
+            count = msg(f"{arg(len(self.changes))} change{'' if len(self.changes) == 1 else 's'}")
             return msg(f"{arg(self.failure)} (after {arg(count)})") if self.changes else self.failure
         if self.status is Status.UNCHANGED:
             return "nothing to change" if self.findings else "matches the inventory, nothing to change"
         if self.mode is Mode.DRIFT:
             differ = len(self.changes) + len(self.findings)
             return msg(f"{arg(differ)} differences" if differ > 1 else "1 difference")
-        return msg(f"{arg(count)} to make" if self.mode is Mode.PLAN else f"{arg(count)} made")
+        number = len(self.changes)
+        if self.mode is Mode.PLAN:
+            return msg(f"{arg(number)} change{'' if number == 1 else 's'} to make")
+        return msg(f"{arg(number)} change{'' if number == 1 else 's'} made")
 
     def _comparison(self) -> dict[str, Any]:
         """Return the planned changes in the form of drift, without owner and time, which are unknown."""
@@ -159,7 +164,7 @@ class ComputerResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON-able data with every key of a device's result."""
-        lines = [*(f"  {change}" for change in self.changes), *self.diffs]
+        lines = [*(msg(f"  {arg(change)}") for change in self.changes), *self.diffs]
         return {
             "status": self.status.value,
             "reached": self.was_reached,
@@ -169,7 +174,7 @@ class ComputerResult:
             "busy": "",
             "planned": len(self.changes),
             "confirmed": self.confirmed_actions,
-            "diff": "\n".join(lines),
+            "diff": messages.join("\n", lines),
             "drift": [],
             "comparison": self._comparison() if self.mode is Mode.DRIFT and self.failure is None else None,
             "notes": list(dict.fromkeys(self.notes)),
@@ -184,6 +189,11 @@ class ComputerResult:
             "board": None,
             "changes": list(self.changes),
         }
+
+
+def _text(value: object) -> str:
+    """Return a message as it is, and other text without the blanks around it."""
+    return value if isinstance(value, messages.Message) else str(value or "").strip()
 
 
 def _differences(result: object) -> Iterator[str]:
@@ -225,6 +235,9 @@ class Watch:
     _running: dict[str, str] = field(default_factory=dict)
     """Running task by host."""
 
+    _sent: list[str] = field(default_factory=list)
+    """Marked texts of the desired state, which the roles hand to modules in plain English."""
+
     @property
     def _event_stream(self) -> EventStream:
         return EventStream(self.request.events_fd)
@@ -264,23 +277,28 @@ class Watch:
     def ok(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record a successful task; one that computes the desired state or includes tasks contacts no host."""
         self._running.pop(host, None)
+        if "per_host" in values:
+            self._sent += remote_messages.checked_texts(values).get("texts", [])
         if host in self._results:
-            self._results[host].ok(task, values)
+            self._results[host].ok(task, self._unpack(values))
             if "per_host" not in values and "include" not in values:
                 self._answered_hosts.add(host)
+
+    def _unpack(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        return remote_messages.unpack(values, self._sent)
 
     def fail_task(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record a failed task, and with it the host's failure."""
         self._running.pop(host, None)
         if host in self._results:
             status = Status.LEFT_AS_FOUND if not values.get("rolled_back") else Status.ROLLED_BACK
-            self._results[host].fail(task, values, status)
+            self._results[host].fail(task, self._unpack(values), status)
 
     def unreachable(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record that a host does not respond: unchanged if it never did; otherwise the task's progress is unknown."""
         self._running.pop(host, None)
         if host in self._results:
-            result = self._results[host]
+            result, values = self._results[host], self._unpack(values)
             if host not in self._answered_hosts:
                 result.not_reached(values)
             else:

@@ -20,7 +20,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
-from atlantis_netcfg.core import errors
+from atlantis_netcfg.core import errors, remote_messages
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.processes import remote_bundle
 from atlantis_netcfg.operations.computers._access import key_trouble
@@ -256,7 +256,7 @@ class _RemoteLink:
             except ValueError:
                 break
             if answer.get("id") == self._number:
-                return answer
+                return remote_messages.unpack(answer)
         raise self._loss_error(do)
 
     def _line(self, end: float) -> bytes | None:
@@ -353,7 +353,7 @@ def _unpack(line: bytes) -> dict[str, Any]:
 
 def _install_error(name: str, line: bytes) -> ServerRefusal:
     try:
-        result = json.loads(line[len(_INSTALL_MARK) :])
+        result = remote_messages.unpack(json.loads(line[len(_INSTALL_MARK) :]))
         return ServerRefusal(f"{arg(name)}: {arg(result['msg'])}", hint=result.get("hint") or None)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return ServerRefusal(f"{arg(name)}: the toolkit's program was not installed, for an unknown reason")

@@ -78,13 +78,13 @@ def judge_synchronised(output: str | None) -> DoctorItem:
 def clock_items(checkout: Path, runs: Sequence[Run], authority: Path | None) -> Iterator[DoctorItem]:
     """Check this computer's clock."""
     begins, ends = _authority_dates(authority)
-    times = {
-        "the newest commit of this checkout": _commit(checkout),
-        "the last set-up of .venv": _modification_time(checkout / ".venv" / "run.stamp"),
-        "the latest run": _latest_run(runs),
-        "the VPN's authority was made": begins,
-    }
-    yield judge_time(datetime.now(UTC), {what: when for what, when in times.items() if when is not None}, ends)
+    times = (
+        ("the newest commit of this checkout", _commit(checkout)),
+        ("the last set-up of .venv", _modification_time(checkout / ".venv" / "run.stamp")),
+        ("the latest run", _latest_run(runs)),
+        ("the VPN's authority was made", begins),
+    )
+    yield judge_time(datetime.now(UTC), {what: when for what, when in times if when is not None}, ends)
     yield judge_synchronised(_read_output(["timedatectl", "show"]))
 
 

@@ -8,7 +8,7 @@ from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding, LinkState, LinkStatus, Quality, wifi
 from atlantis_netcfg.links import wifi as radios
@@ -466,7 +466,7 @@ def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, LinkFinding], .
 
 
 def _duplicate_address_finding(address: str, many: Sequence[SeenLinks]) -> LinkFinding:
-    where = " and ".join(msg(f"{arg(item.route.port)} ({arg(item.route.name)})") for item in many)
+    where = conjunction(msg(f"{arg(item.route.port)} ({arg(item.route.name)})") for item in many)
     message = msg(
         f"{arg(address)} responds on {arg(where)}: two devices share one address, and the router reaches only one"
     )

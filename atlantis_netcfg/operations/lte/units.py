@@ -253,8 +253,9 @@ class LteResult:
 
 def words(finding: LinkFinding) -> str:
     """Format a finding as a note: `WARN: ... (...)`; without verdict if it passes."""
-    verdict = msg("" if finding.verdict is Verdict.PASS else f"{arg(finding.verdict)}: ")
-    return f"{verdict}{finding.message}{f' ({finding.hint})' if finding.hint else ''}"
+    verdict = "" if finding.verdict is Verdict.PASS else f"{finding.verdict}: "
+    hint = msg(f" ({arg(finding.hint)})" if finding.hint else "")
+    return msg(f"{verdict}{arg(finding.message)}{arg(hint)}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from pydantic import ValidationError
-
 from atlantis_netcfg import runs
+from atlantis_netcfg.core import stored_messages
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
@@ -47,17 +46,16 @@ def latest(folder: Path) -> AsBuiltRecord | None:
         ) from error
 
 
+def record_json(record: AsBuiltRecord) -> bytes:
+    """Return `as-built.json`: the record with derived values, and the values of its messages."""
+    document = record.as_json() | stored_messages.marked_texts(record)
+    return json.dumps(document, ensure_ascii=False, indent=1).encode()
+
+
 def parse_record(data: bytes) -> AsBuiltRecord:
     """Parse an `as-built.json`; raise ValueError if it is none."""
-    document = json.loads(data)
-    if not isinstance(document, dict):
-        raise ValueError  # noqa: TRY004 - a file that holds another thing
-    try:
-        return AsBuiltRecord.model_validate(
-            {name: value for name, value in document.items() if name not in _DERIVED_KEYS}
-        )
-    except ValidationError as error:
-        raise ValueError(str(error)) from error
+    document = stored_messages.parse(data)
+    return AsBuiltRecord.model_validate({name: value for name, value in document.items() if name not in _DERIVED_KEYS})
 
 
 def new_folder(folder: Path, now: datetime) -> Path:

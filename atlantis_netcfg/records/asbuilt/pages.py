@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.records.asbuilt.record import (
     FACTS,
@@ -116,12 +116,12 @@ def read_words(device: DeviceRecord, zone: str) -> str:
 def link_words(port: PortRecord) -> str:
     """Return a port's link as text: state, speed, MAC."""
     words = msg(f"link {arg(port.link)}, {arg(port.speed)}" if port.speed else f"link {arg(port.link)}")
-    return f"{words}, MAC {port.mac}" if port.mac else words
+    return msg(f"{arg(words)}, MAC {arg(port.mac)}") if port.mac else words
 
 
 def neighbour_words(neighbour: PortNeighbour) -> str:
     """Return a neighbour and how it was detected, as text."""
-    return msg(f"neighbour: {arg(neighbour_text(neighbour))}, from {arg(' and '.join(neighbour.by))}")
+    return msg(f"neighbour: {arg(neighbour_text(neighbour))}, from {arg(conjunction(neighbour.by))}")
 
 
 def closing(record: AsBuiltRecord) -> str:
@@ -187,7 +187,7 @@ def _device(device: DeviceRecord, zone: str) -> Iterator[printable.Row]:
     kind = translate(device.kind.replace("_", " "))
     yield (
         printable.StyledText(device.name, printable.Style.TITLE),
-        msg(f": {arg(kind)}, "),
+        f": {kind}, ",
         printable.StyledText(word, _STYLES.get(device.state, printable.Style.QUIET)),
     )
     for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
@@ -210,7 +210,7 @@ def _device(device: DeviceRecord, zone: str) -> Iterator[printable.Row]:
 
 def _label(title: str, value: str) -> str:
     """Return a value next to its title; a long title shifts it to the right."""
-    return msg(f"  {arg(title):<{_COLUMN - 3}} {arg(value)}")
+    return f"  {title:<{_COLUMN - 3}} {value}"
 
 
 def anchor(name: str) -> str:

@@ -6,18 +6,15 @@ from datetime import datetime
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.message_models import MessageModel
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import NumberMask
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-
-
-class _Data(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Origin(StrEnum):
@@ -33,7 +30,7 @@ class Origin(StrEnum):
     """The value is not known; `note` gives the reason."""
 
 
-class Fact(_Data):
+class Fact(MessageModel):
     """One value of a device."""
 
     value: str | None
@@ -43,7 +40,7 @@ class Fact(_Data):
     """Where the value was found, or why it is not known."""
 
 
-class PortNeighbour(_Data):
+class PortNeighbour(MessageModel):
     """A neighbour detected on a port; only `declared` comes from the inventory."""
 
     mac: str
@@ -64,7 +61,7 @@ class CableState(StrEnum):
     UNKNOWN = "unknown"
 
 
-class PortRecord(_Data):
+class PortRecord(MessageModel):
     """A port, with its detected neighbours."""
 
     name: str
@@ -89,7 +86,7 @@ class ReadState(StrEnum):
     LEFT_OUT = "excluded"
 
 
-class DeviceRecord(_Data):
+class DeviceRecord(MessageModel):
     """One device."""
 
     name: str
@@ -100,12 +97,12 @@ class DeviceRecord(_Data):
     hint: str | None = None
     read_at: datetime | None = None
     """Time of reading; None: never read on this computer."""
-    facts: dict[str, Fact] = {}
+    facts: dict[str, Fact] = Field(default_factory=dict)
     """Facts by the names in `FACTS`."""
     ports: tuple[PortRecord, ...] = ()
     elsewhere: tuple[PortNeighbour, ...] = ()
     """Detected neighbours whose port cannot be determined."""
-    packages: dict[str, str] = {}
+    packages: dict[str, str] = Field(default_factory=dict)
     """For a computer: version by declared package, as dpkg reports it; `not installed` if missing."""
     notes: tuple[str, ...] = ()
 
@@ -134,7 +131,7 @@ _MADE_ANEW = frozenset({"certificate", "host_key"})
 """Rehearsal: keys that an emulated device generates at each start."""
 
 
-class Change(_Data):
+class Change(MessageModel):
     """One difference of a device from the previous record."""
 
     device: str
@@ -158,14 +155,14 @@ class Change(_Data):
         return msg(f"{arg(self.device)}: {arg(self.what)} changed from {arg(self.before)} to {arg(self.after)}")
 
 
-class SessionUsage(_Data):
+class SessionUsage(MessageModel):
     """The cost of reading a device on the wire, including its login."""
 
     round_trips: int
     bytes: int
 
 
-class AsBuiltRecord(_Data):
+class AsBuiltRecord(MessageModel):
     """The content of `as-built.json`."""
 
     format: int = 1
@@ -188,9 +185,9 @@ class AsBuiltRecord(_Data):
     changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = ()
     not_rehearsed: tuple[str, ...] = ()
-    spent: dict[str, SessionUsage] = {}
+    spent: dict[str, SessionUsage] = Field(default_factory=dict)
     """Usage by RouterOS device; SSH sessions to computers are not included."""
-    costs: dict[str, str] = {}
+    costs: dict[str, str] = Field(default_factory=dict)
     """Cost as text, by metered link."""
 
     @property
@@ -334,7 +331,7 @@ def title_of(name: str) -> str:
     return _TITLES[name]
 
 
-class ReportTable(_Data):
+class ReportTable(MessageModel):
     """A table of the communications report whose cells are unknown: typed, and filled only with read values."""
 
     number: int

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Final, Literal, TextIO
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
+from atlantis_netcfg.core import stored_messages
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.message_models import MessageModel
 from atlantis_netcfg.core.messages import arg
 
 if TYPE_CHECKING:
@@ -29,11 +31,7 @@ class SurveyUnreadable(UsageError, ValueError):
     """Raised when a file is not a survey written by this version."""
 
 
-class _Line(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class SurveyHeader(_Line):
+class SurveyHeader(MessageModel):
     """Site, link and settings of a survey."""
 
     kind: Literal["survey"] = "survey"
@@ -68,7 +66,7 @@ class SurveyHeader(_Line):
     message_size: int
 
 
-class SurveyPoint(_Line):
+class SurveyPoint(MessageModel):
     """Signal values and measurements at one place."""
 
     kind: Literal["point"] = "point"
@@ -117,7 +115,7 @@ class SurveyPoint(_Line):
         return None if self.latitude is None or self.longitude is None else (self.latitude, self.longitude)
 
 
-class SurveyEnd(_Line):
+class SurveyEnd(MessageModel):
     """End of a survey, with the reason."""
 
     kind: Literal["end"] = "end"
@@ -158,7 +156,7 @@ class SurveyWriter:
 
     def __call__(self, line: SurveyHeader | SurveyPoint | SurveyEnd) -> None:
         """Append a line and sync it to disk."""
-        self.file.write(line.model_dump_json() + "\n")
+        self.file.write(f"{line.to_json()}\n")
         self.file.flush()
         os.fsync(self.file.fileno())
 
@@ -179,8 +177,8 @@ def _lines(path: Path) -> Iterator[SurveyHeader | SurveyPoint | SurveyEnd]:
             if not line.endswith("\n"):
                 return
             try:
-                yield _ADAPTER.validate_json(line)
-            except ValidationError as error:
+                yield _ADAPTER.validate_python(stored_messages.parse(line))
+            except ValueError as error:
                 raise SurveyUnreadable(
                     f"{arg(path)}:{arg(number)}: this line does not belong to a survey",
                     hint="use the original file: it must not be edited",

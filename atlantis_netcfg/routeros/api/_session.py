@@ -13,6 +13,7 @@ import os
 import ssl
 from typing import TYPE_CHECKING, Final, Self
 
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.routeros.api import _tls, _values
 from atlantis_netcfg.routeros.api._wire import Wire
 
@@ -39,10 +40,10 @@ async def _send_login(wire: Wire, endpoint: _values.Endpoint, proof: tuple[str, 
     try:
         (reply,) = await wire.exchange([command], patience_s, patience_s)
     except _values.SessionLost as lost:
-        raise type(lost)(f"{lost} (during the login of `{endpoint.user}`)", in_flight=False) from None
+        raise type(lost)(f"{arg(lost)} (during the login of `{arg(endpoint.user)}`)", in_flight=False) from None
     if reply.trap is not None:
         raise _values.LoginError(
-            f"{endpoint} refused the login of `{endpoint.user}`: {reply.trap.message}",
+            f"{arg(endpoint)} refused the login of `{arg(endpoint.user)}`: {arg(reply.trap.message)}",
             hint="check the name and the vaulted password of this device in the inventory",
         )
     return reply
@@ -52,7 +53,9 @@ def _response(challenge: str, password: str, endpoint: _values.Endpoint) -> str:
     try:
         salt = binascii.unhexlify(challenge)
     except ValueError:
-        raise _values.ProtocolError(f"{endpoint} sent a login challenge that is no number", in_flight=False) from None
+        raise _values.ProtocolError(
+            f"{arg(endpoint)} sent a login challenge that is no number", in_flight=False
+        ) from None
     secret = password.encode("utf-8", "surrogateescape")
     return "00" + hashlib.md5(b"\x00" + secret + salt, usedforsecurity=False).hexdigest()
 
@@ -216,17 +219,17 @@ async def _connect(endpoint: _values.Endpoint, traffic: _values.Traffic) -> Wire
             await _wait_for_handshake(tls)
     except TimeoutError:
         raise _values.Unreachable(
-            f"{endpoint} did not answer within {endpoint.connect_timeout_s:g} s",
+            f"{arg(endpoint)} did not answer within {arg(endpoint.connect_timeout_s):g} s",
             hint="is it powered, and does this laptop have an address in its management network?",
         ) from None
     except (ssl.SSLError, ConnectionResetError, ConnectionAbortedError) as error:
         raise _values.Unreachable(
-            f"{endpoint} answered, but not with TLS and a certificate ({_why(error)})",
+            f"{arg(endpoint)} answered, but not with TLS and a certificate ({arg(_why(error))})",
             hint="api-ssl needs a certificate:  /ip service set api-ssl certificate=NAME disabled=no",
         ) from None
     except (OSError, UnicodeError) as error:
         raise _values.Unreachable(
-            f"{endpoint} cannot be reached: {_why(error)}",
+            f"{arg(endpoint)} cannot be reached: {arg(_why(error))}",
             hint="check cable and address; on the device:  /ip service print where name=api-ssl",
         ) from None
     return wire

@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import Any, cast
 
 from atlantis_netcfg.core.errors import TRUST
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.routeros.api import _values
 
 _PIECE = 65_536
@@ -166,7 +167,7 @@ def certificate_bytes(endpoint: _values.Endpoint, transport: asyncio.BaseTranspo
     """Return the device's certificate in DER. Raises Unreachable."""
     der: bytes | None = transport.get_extra_info("ssl_object").getpeercert(binary_form=True)
     if not der:
-        raise _values.Unreachable(f"{endpoint} showed no certificate")
+        raise _values.Unreachable(f"{arg(endpoint)} showed no certificate")
     return der
 
 
@@ -174,19 +175,21 @@ def check_pin(endpoint: _values.Endpoint, fingerprint: str) -> None:
     """Check the certificate. Raises CertificateUnknown without a pin, CertificateMismatch if the pin differs."""
     if endpoint.pin is None:
         raise _values.CertificateUnknown(
-            f"{endpoint}: its certificate is unknown here, so no password was sent; it presented {fingerprint}",
+            f"{arg(endpoint)}: its certificate is unknown here, so no password was sent; it presented "
+            f"{arg(fingerprint)}",
             fingerprint=fingerprint,
-            hint=f"{TRUST}; or set `fingerprint: {fingerprint}` under its `access` in the inventory, but {_COMPARE}",
+            hint=f"{arg(TRUST)}; or set `fingerprint: {arg(fingerprint)}` under its `access` in the inventory, but "
+            f"{arg(_COMPARE)}",
         )
     pinned_fingerprint = endpoint.pin.replace(":", "").lower()
     if pinned_fingerprint != fingerprint:
         raise _values.CertificateMismatch(
-            f"{endpoint}: the certificate is not the one of this device; pinned is {pinned_fingerprint}, "
-            f"it showed {fingerprint}",
+            f"{arg(endpoint)}: the certificate is not the one of this device; pinned is {arg(pinned_fingerprint)}, "
+            f"it showed {arg(fingerprint)}",
             pinned_fingerprint=pinned_fingerprint,
             fingerprint=fingerprint,
-            hint=f"{_COMPARE}; only if they are equal and it was renewed on purpose: `provision device trust site=…`"
-            " asks you to agree to it; a device that stands in for another one is met by"
+            hint=f"{arg(_COMPARE)}; only if they are equal and it was renewed on purpose: "
+            "`provision device trust site=…` asks you to agree to it; a device that stands in for another one is met by"
             " `provision device adopt site=… device=… --replaced`",
         )
 

@@ -277,9 +277,9 @@ async def _send(
     """Send one turn; return the replies to `beside`."""
     if work.dead_man is not None and work.dead_man.is_near(asyncio.get_running_loop().time()):
         raise safe_mode.ProtectionLost("the change takes so long that the dead-man job is about to roll it back")
-    layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in turn))
+    layers = dict.fromkeys(action.layer.name.lower() for action in turn)
     numbers = tuple(dict.fromkeys(action.number for action in turn))
-    work.record(runs.LayerSent(device=work.job.name, layer=layers, actions=numbers))
+    work.record(runs.LayerSent(device=work.job.name, layer=" ".join(layers), actions=numbers))
     work.has_sent_changes = True
     write_result = await writer.send(work.channel, turn, beside)
     work.acknowledged_numbers.update(write_result.acknowledged_numbers)
@@ -287,9 +287,10 @@ async def _send(
         work.note(runs.ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
         raise ActionError(write_result.refusal)
     work.record(runs.ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
+    layer_names = join(" ", map(msg, layers))
     work.say(
         Stage.APPLYING,
-        msg(f"{arg(len(work.acknowledged_numbers))} of {arg(len(work.aim.actions))} sent ({arg(layers)})"),
+        msg(f"{arg(len(work.acknowledged_numbers))} of {arg(len(work.aim.actions))} sent ({arg(layer_names)})"),
     )
     return write_result.beside
 

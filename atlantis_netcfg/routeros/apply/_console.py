@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.core.errors import DeviceError
-from atlantis_netcfg.core.messages import arg
+from atlantis_netcfg.core.messages import alternatives, arg
 from atlantis_netcfg.routeros import api, safe_mode
 from atlantis_netcfg.routeros.console import types
 
@@ -142,4 +142,4 @@ async def _somebody(session: Channel) -> str:
         return "somebody"
     rows = [row for row in reply.rows if row.get("via", "").startswith(_CONSOLES)]
     names = dict.fromkeys(f"{row.get('via')}:{row.get('name')}@{row.get('address') or 'console'}" for row in rows)
-    return " or ".join(names) or "somebody"
+    return alternatives(names) or "somebody"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Stage
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.routeros import guard, link_use, planner, safe_mode, scheduler_jobs
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
@@ -106,7 +106,7 @@ def _as_declared_text(comparison: Comparison) -> str:
 
 def _summary(comparison: Comparison) -> str:
     kinds = [difference.kind for difference in comparison.drift]
-    parts = join(", ", (f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds))
+    parts = join(", ", (msg(f"{arg(kinds.count(kind))} {kind}") for kind in DriftKind if kind in kinds))
     return msg(f"{arg(len(kinds))} difference{'' if len(kinds) == 1 else 's'} from the inventory: {arg(parts)}")
 
 
@@ -236,7 +236,7 @@ async def _clear_and_change(work: _work.RunContext, mode: _job.JobMode) -> _job.
         return await _change(work)
     if removed_items:
         work.after = work.observation
-        return work.result(_job.Status.CHANGED, msg(f"as in the inventory; removed {arg(' and '.join(removed_items))}"))
+        return work.result(_job.Status.CHANGED, msg(f"as in the inventory; removed {arg(conjunction(removed_items))}"))
     return work.result(_job.Status.UNCHANGED, "no changes needed")
 
 
@@ -583,12 +583,12 @@ async def _clear(work: _work.RunContext, mode: _job.JobMode) -> tuple[str, ...]:
     planned_before = _state.plan_hash(work.aim)
     removed_items = await leftovers.remove(work.channel)
     work.sign = None
-    work.notes.append(msg(f"removed {arg(' and '.join(removed_items))}"))
+    work.notes.append(msg(f"removed {arg(conjunction(removed_items))}"))
     await _read(work)
     await _plan(work, mode)
     if _state.plan_hash(work.aim) != planned_before:
         raise _protection.InterferenceError(
-            f"the device changed while {arg(' and '.join(removed_items))} was being removed",
+            f"the device changed while {arg(conjunction(removed_items))} was being removed",
             hint="run the same command again: it computes a new plan from the current state",
         )
     return removed_items

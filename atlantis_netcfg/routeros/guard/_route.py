@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, ip_network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, conjunction, msg
 from atlantis_netcfg.routeros.guard import _state
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -116,7 +116,7 @@ def decisions(state: _state.State) -> _Decisions:
 
 def _beyond_judgement(rule: Row) -> str:
     """Return the selectors of a rule that we cannot evaluate for our replies; empty if none."""
-    return " and ".join(f"`{name}={rule[name]}`" for name in _UNKNOWN_SELECTORS if rule.get(name))
+    return conjunction(f"`{name}={rule[name]}`" for name in _UNKNOWN_SELECTORS if rule.get(name))
 
 
 def _rules(state: _state.State) -> Iterator[Row | None]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, conjunction, msg
 from atlantis_netcfg.routeros import apply, scheduler_jobs
 from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply._state import restore_target
@@ -277,7 +277,7 @@ async def clear(work: Transaction, mode: apply.JobMode) -> BackResults | None:
         for end in work.ends:
             if end.leftovers:
                 end.removed_items = await end.leftovers.remove(end.channel)
-                end.notes.append(msg(f"removed {arg(' and '.join(end.removed_items))}"))
+                end.notes.append(msg(f"removed {arg(conjunction(end.removed_items))}"))
     except DeviceError as failure:
         return _build_stop_results(work, str(failure))
     return await read_again(work) or _stopped_if(work, _in_use(work, mode))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import runs
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import apply, guard, planner
 from atlantis_netcfg.routeros.apply import _state, _work
@@ -290,7 +290,7 @@ class End:
             return self.result(apply.Status.UNCHANGED, "no changes needed")
         self.after = self.observation
         return self.result(
-            apply.Status.CHANGED, msg(f"as in the inventory; removed {arg(' and '.join(self.removed_items))}")
+            apply.Status.CHANGED, msg(f"as in the inventory; removed {arg(conjunction(self.removed_items))}")
         )
 
     def result(self, status: apply.Status, message: str, *, hint: str | None = None) -> apply.DeviceResult:

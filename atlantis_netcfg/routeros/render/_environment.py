@@ -95,7 +95,7 @@ def _build_environment(folder: Path) -> Environment:
         keep_trailing_newline=True,
     )
     result.filters.update(
-        quote=_quote, mark=mark, duration=duration, reveal=_reveal, yesno=_yesno, nft_comment=nft_comment
+        quote=_quote, mark=mark, duration=duration, reveal=_reveal, yesno=_yesno, nft_comment=nft_comment, value=_value
     )
     return result
 
@@ -103,6 +103,11 @@ def _build_environment(folder: Path) -> Environment:
 def mark(what: str) -> str:
     """Return the comment that marks a row as ours and gives its purpose."""
     return quote(MARK + what)
+
+
+def _value(text: str) -> str:
+    """Return a value of a note as `desired.read` knows it."""
+    return f"{{{text}}}"
 
 
 def nft_comment(text: str) -> str:

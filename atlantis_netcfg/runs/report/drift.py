@@ -13,14 +13,13 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.events import worst as worst_verdict
-from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report.run import cost_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 
 _ENDS = {ExitCode.DONE: "PASS", ExitCode.CHECKS_FAILED: "FAIL"}
@@ -86,7 +85,7 @@ class DriftReport:
 
     def as_text(self) -> str:
         """Return the report as text."""
-        return "\n".join(self._lines())
+        return join("\n", self._lines())
 
     def _lines(self) -> Iterator[str]:
         for name, result in self.devices.items():
@@ -94,9 +93,9 @@ class DriftReport:
                 f"{arg(name)}: "
                 f"{'ERROR, ' if verdict(result) == 'ERROR' else ''}{arg(printable.below(result['message'], 4))}"
             )
-            yield from (f"  {printable.below(line, 4)}" for line in self._detail_lines(name, result))
+            yield from (msg(f"  {arg(printable.below(line, 4))}") for line in self._detail_lines(name, result))
             if result["comparison"] is not None:
-                yield from drift_lines(result["comparison"], translate).split("\n")[:-1]
+                yield from drift_lines(result["comparison"])
             yield ""
         yield from (msg(f"{arg(name)}: {arg(why)}") for name, why in self.skip_reasons.items())
         if self.is_rehearsal:
@@ -138,21 +137,19 @@ def of_evidence(result: Mapping[str, Any]) -> bool:
     return result.get("status") == "declared"
 
 
-def drift_lines(comparison: Mapping[str, Any], read: Callable[[str], str] = str) -> str:
-    """Return the differences of one device by menu; empty if none. `read` is `translate` for the user."""
-    lines: list[str] = []
+def drift_lines(comparison: Mapping[str, Any]) -> list[str]:
+    """Return the differences of one device by menu; empty if none."""
+    lines = []
     for menu, differences in groupby(comparison["differences"], key=lambda item: item["menu"]):
         lines.append(f"  {menu}")
         for difference in differences:
-            lines += [f"    {line}" for line in difference_lines(difference, comparison["confirmed"], read)]
-    return "".join(f"{line}\n" for line in lines)
+            lines += [msg(f"    {arg(line)}") for line in difference_lines(difference, comparison["confirmed"])]
+    return lines
 
 
-def difference_lines(
-    difference: Mapping[str, Any], confirmation: Mapping[str, str] | None, read: Callable[[str], str] = str
-) -> Iterable[str]:
+def difference_lines(difference: Mapping[str, Any], confirmation: Mapping[str, str] | None) -> Iterator[str]:
     """Yield the lines of one difference: what, owner, since when, and by whom according to the device's history."""
-    yield printable.line(f"{read(difference['kind']):<8} {difference['subject']}")
+    yield msg(f"{arg(msg(difference['kind'])):<9}{arg(printable.line(difference['subject']))}")
     details = [
         msg(
             f"{arg(field['name'])}: inventory {arg(_value_text(field['declared']))}, device "
@@ -162,7 +159,7 @@ def difference_lines(
     ]
     if difference["row"]:
         details.append(difference["row"])
-    details.append(join("; ", filter(None, (read(_owner(difference)), _since(difference, confirmation)))))
+    details.append(join("; ", filter(None, (_owner(difference), _since(difference, confirmation)))))
     if difference["history"]:
         change = difference["history"]
         details.append(
@@ -171,12 +168,12 @@ def difference_lines(
                 "clock"
             )
         )
-    yield from (f"{'':<8} {printable.line(detail)}" for detail in details)
+    yield from (msg(f"{'':<8} {arg(printable.line(detail))}") for detail in details)
 
 
 def _owner(difference: Mapping[str, Any]) -> str:
     mark = msg(f" ({arg(difference['mark'])})" if difference["mark"] and not difference["row"] else "")
-    return f"{difference['owner']}{mark}"
+    return msg(f"{arg(msg(difference['owner']))}{arg(mark)}")
 
 
 def _since(difference: Mapping[str, Any], confirmation: Mapping[str, str] | None) -> str:
@@ -194,7 +191,7 @@ def _since(difference: Mapping[str, Any], confirmation: Mapping[str, str] | None
 
 
 def _value_text(value: str) -> str:
-    return value or "nothing"
+    return value or msg("nothing")
 
 
 def _kind(kind: str) -> str:

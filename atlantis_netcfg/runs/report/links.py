@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report.summary import count_limits
 
@@ -77,7 +77,7 @@ class LinksReport:
 
     def as_text(self) -> str:
         """Return the report as text."""
-        return "\n".join(self._lines())
+        return join("\n", self._lines())
 
     def _lines(self) -> Iterator[str]:
         what = "emulated devices; no real device was contacted" if self.is_rehearsal else "nothing was changed"
@@ -105,7 +105,7 @@ class LinksReport:
         if not active:
             return msg(f"NO LINK carries the traffic of {arg(self.site)}")
         if len(active) > 1:
-            return msg(f"{arg(' and '.join(active))} share the traffic of {arg(self.site)}")
+            return msg(f"{arg(conjunction(active))} share the traffic of {arg(self.site)}")
         words = msg(f"{arg(active[0])} carries the traffic of {arg(self.site)}")
         if active[0] == preferred_link:
             return msg(f"{arg(words)}: it is the preferred link")
@@ -122,7 +122,7 @@ def _block(number: int, name: str, link: Mapping[str, Any], zone: str) -> Iterat
         yield from _lines(title, words)
     if link["probe_bytes"]:
         cost_note = msg(f" ({arg(_size(link['probe_bytes']))}, metered)" if link["metered"] else "")
-        yield from _lines("probe", f"{_probe(link['quality'])}{cost_note}")
+        yield from _lines("probe", join("", (_probe(link["quality"]), cost_note)))
     yield from _lines("this month", _month(link, zone))
     for title, words in zip_longest(("background",), link["standing"]["words"], fillvalue=""):
         yield from _lines(title, words)
@@ -136,7 +136,7 @@ def _lines(title: str, words: str) -> Iterator[str]:
     """Yield the lines of one entry, wrapped at the console width."""
     title, words = translate(title), translate(words)
     for number, part in enumerate(wrap(words, _WIDTH - _MARGIN, break_long_words=False, break_on_hyphens=False)):
-        yield msg(f"   {arg('' if number else title):<{_MARGIN}}{arg(part)}")
+        yield f"   {'' if number else title:<{_MARGIN}}{part}"
 
 
 def _state(link: Mapping[str, Any]) -> Iterator[str]:
@@ -155,7 +155,8 @@ def _probe(quality: Mapping[str, Any]) -> str:
     if loss == 100:  # noqa: PLR2004 - per cent
         return "no probe target responds"
     time = msg("" if rtt is None else f" within {arg(rtt):g} ms")
-    return msg(f"probe targets respond{arg(time)}" + (f", {arg(loss)} % lost" if loss else ""))
+    lost = msg(f", {arg(loss)} % lost" if loss else "")
+    return msg(f"probe targets respond{arg(time)}{arg(lost)}")
 
 
 def _month(link: Mapping[str, Any], zone: str) -> str:
@@ -205,7 +206,7 @@ def _signal(quality: Mapping[str, Any]) -> Iterator[str]:
     if level is not None:
         chains = [value for name, value in quality.items() if name.startswith("signal_chain") and value is not None]
         more = msg(f" (chains {arg(join(', ', (f'{value:g}' for value in chains)))})" if chains else "")
-        yield f"{_radio_grade(level)}, {level:g} dBm{more}"
+        yield msg(f"{arg(_radio_grade(level))}, {arg(level):g} dBm{arg(more)}")
     if far is not None:
         yield msg(f"the other end receives {arg(far):g} dBm")
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 from atlantis_netcfg.core.language import as_typed, translate
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import Message, arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -82,8 +82,10 @@ def ending(result: Mapping[str, Any]) -> DeviceEnd:
 
 def warnings(result: Mapping[str, Any]) -> list[str]:
     """Return the warnings on a device that succeeded."""
-    warning_notes = [words for note in result.get("notes", ()) if (words := str(note).removeprefix("WARN: ")) != note]
-    return [*warning_notes, *(str(row["message"]) for row in result.get("drift", ()))]
+    notes = [note for note in result.get("notes", ()) if note.startswith("WARN: ")]
+    sources = (note.source if isinstance(note, Message) else note for note in notes)
+    warning_notes = [Message(source.removeprefix("WARN: ")) for source in sources]
+    return [*warning_notes, *(row["message"] for row in result.get("drift", ()))]
 
 
 _BAD = {

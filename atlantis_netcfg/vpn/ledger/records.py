@@ -223,7 +223,7 @@ def describe(record: Record) -> str:
 def _command_text(record: BeginRecord | CommitRecord | RolledBack) -> str:
     match record:
         case BeginRecord():
-            return _COMMANDS[record.command].format(_join_names(record.names))
+            return msg(_COMMANDS[record.command].format(arg(_join_names(record.names))))
         case CommitRecord():
             return "command completed"
         case RolledBack(common_names=()):

@@ -89,9 +89,11 @@ def test_the_installed_package_has_everything_of_the_checkout(install: Install) 
         shipped = {path.relative_to(tree / name) for path in (tree / name).rglob("*") if path.is_file()}
         copy = install.package / "share" / name
         assert {path.relative_to(copy) for path in install.files() if path.is_relative_to(copy)} == shipped
-    modules = {path.relative_to(tree / "atlantis_netcfg") for path in (tree / "atlantis_netcfg").rglob("*")}
+    package = tree / "atlantis_netcfg"
+    modules = {path.relative_to(package) for path in package.rglob("*") if path.is_file()}
     files = {path.relative_to(install.package) for path in install.files()}
-    assert {path for path in modules if (tree / "atlantis_netcfg" / path).is_file()} <= files
+    assert {path.with_suffix(".mo") if path.suffix == ".po" else path for path in modules} <= files
+    assert [path for path in files if path.suffix == ".po"] == []
 
 
 def test_an_installed_program_goes_from_an_empty_folder_to_a_rehearsal(install: Install) -> None:
@@ -102,6 +104,7 @@ def test_an_installed_program_goes_from_an_empty_folder_to_a_rehearsal(install: 
     created = install.provision("inventory", "init", "my-pilot", "--from", "example")
     assert "my-pilot: written and validated, no errors, 13 hosts at 3 sites" in created
     assert "my-pilot: no errors" in install.provision("inventory", "validate", "inventory=my-pilot")
+    assert "my-pilot: sem erros" in install.provision("inventory", "validate", "inventory=my-pilot", "--lang", "pt")
     rehearsal = install.provision("site=coastal", "inventory=my-pilot", "--rehearse")
     assert "second run over satellite: 0 changes" in rehearsal, rehearsal
 

@@ -16,6 +16,8 @@ from impostor import HOSTILE, control_characters
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import zipapp_action
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import zipapp_action as thin
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
+from atlantis_netcfg.core.messages import Message, arg, msg
+from atlantis_netcfg.core.stored_messages import pack
 
 ROOT = Path(__file__).parents[3]
 MODULES = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
@@ -112,6 +114,15 @@ def test_secret_is_masked_everywhere() -> None:
     )
     assert TOKEN not in repr(cut)
     assert cut["failed"] is True
+
+
+def test_secret_is_masked_in_marked_texts_as_well() -> None:
+    inside, across = msg(f"git said {arg(f'no to {TOKEN}')}"), msg(f"{arg(TOKEN[:5])}{arg(TOKEN[5:])} is refused")
+    result = pack({"msg": inside, "notes": [across, msg(f"{arg(2.5)} s")]})
+    shown = zipapp_action.clean_result(result, {TOKEN})
+    assert TOKEN not in repr(shown)
+    assert TOKEN not in repr([str.__str__(Message(text)) for text in shown["texts"]])
+    assert [str.__str__(Message(text)) for text in shown["texts"]] == [shown["msg"], "2.5 s"]
 
 
 def test_last_marked_line_is_the_result_despite_other_output() -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board import basic, install
+from atlantis_netcfg.core.messages import Message
 from atlantis_netcfg.core.processes import remote_bundle as tool
 from atlantis_netcfg.operations.common.costs import _TOOL
 
@@ -89,9 +90,31 @@ def test_vpn_server_tool_is_separate_and_complete(tmp_path: Path) -> None:
         names = set(archive.namelist())
     with zipfile.ZipFile(io.BytesIO(tool.build().content)) as archive:
         assert not [name for name in archive.namelist() if "vpn_" in name], "no gateway pays for it"
-    assert {"__main__.py", "atlantis/module_utils/vpn_serve.py", install.WORDS} <= names
+    assert {
+        "__main__.py",
+        "atlantis/module_utils/vpn_serve.py",
+        "atlantis/module_utils/errors.py",
+        "atlantis_netcfg/core/messages.py",
+    } <= names
     done = subprocess.run([sys.executable, "-I", tmp_path / "tool"], input=b"", capture_output=True, check=True)
     assert done.stdout.startswith(b"ATLANTIS-VPN ")
+
+
+def test_tool_has_the_grammar_of_its_oldest_python() -> None:
+    for made in (tool.build(), tool.build_live()):
+        with zipfile.ZipFile(io.BytesIO(made.content)) as archive:
+            sources = {name: archive.read(name) for name in archive.namelist()}
+        assert "atlantis_netcfg/core/messages.py" in sources
+        for name, source in sources.items():
+            tree = ast.parse(source, feature_version=(3, 8))
+            unions = [ast.unparse(node) for node in ast.walk(tree) if _is_union_of_types(node)]
+            assert (name, unions) == (name, [])
+
+
+def _is_union_of_types(node: ast.AST) -> bool:
+    """Whether it is `isinstance(value, int | str)`, which is grammar but fails where it runs before Python 3.10."""
+    is_isinstance = isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass")
+    return is_isinstance and isinstance(node, ast.Call) and isinstance(node.args[1], ast.BinOp)
 
 
 def test_shim_covers_everything_that_modules_use() -> None:
@@ -148,7 +171,9 @@ def test_incomplete_upload_is_not_installed(tmp_path: Path, damage: str) -> None
 
 def test_unwritable_disk_is_reported(tmp_path: Path) -> None:
     (tmp_path / "tool").symlink_to("/proc/atlantis")
-    assert told(sent(tmp_path / "tool" / "here", tool.build()))["msg"].startswith(str(tmp_path))
+    result = told(sent(tmp_path / "tool" / "here", tool.build()))
+    assert result["msg"].startswith(str(tmp_path))
+    assert [str.__str__(Message(text)) for text in result["texts"]] == [result["msg"]]
 
 
 def test_full_disk_leaves_no_partial_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ import copy
 import json
 import pickle
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 
@@ -12,9 +13,10 @@ import pytest
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError, fill_hint
 from atlantis_netcfg.core.language import Language
-from atlantis_netcfg.core.messages import Message, arg, join, msg
+from atlantis_netcfg.core.message_models import MessageModel
+from atlantis_netcfg.core.messages import Message, alternatives, arg, conjunction, join, msg, shorten
 from atlantis_netcfg.core.stored_messages import pack, unpack
-from atlantis_netcfg.core.translation import Translator
+from atlantis_netcfg.core.translation import Translator, numbered
 
 CATALOGUE = {
     "{count} changes left": "faltam {count} alterações",
@@ -23,6 +25,8 @@ CATALOGUE = {
     "not reached": "não alcançado",
     "{name}: {reason} was lost": "perdeu-se {reason} de {name}",
     "the link": "a ligação",
+    "{text} and {part}": "{text} e {part}",
+    "{text} or {part}": "{text} ou {part}",
     "wait {seconds} s": "aguarde {seconds} s",
     "type `{command}`": "escreva `{command}`",
     "run `provision plan site=…` first": "execute primeiro `provision plan site=…`",
@@ -36,7 +40,8 @@ CATALOGUE = {
 
 @pytest.fixture
 def translator() -> Translator:
-    return Translator(CATALOGUE, {"de o": "do", "de a": "da"})
+    catalogue = dict(numbered(msgid, translation) for msgid, translation in CATALOGUE.items())
+    return Translator(catalogue, {"de o": "do", "de a": "da"})
 
 
 class Reachability(StrEnum):
@@ -111,6 +116,10 @@ def test_an_error_makes_messages_of_its_text_and_hint() -> None:
         (join("; ", ["the link", "cpe", msg(f"{arg(4)} changes")]), "a ligação; cpe; 4 alterações"),
         (msg(f"{arg(3)} changes left") + ", no such device", "faltam 3 alterações, no such device"),
         ("link: " + msg(f"{arg(3)} changes left"), "link: faltam 3 alterações"),
+        (conjunction(["the link", "cpe", 2.5]), "a ligação e cpe e 2,5"),
+        (conjunction(["the link"]), "a ligação"),
+        (conjunction([]), ""),
+        (alternatives(["the link", "cpe"]), "a ligação ou cpe"),
         (join(" {} ", ["no such device", "x"]), "esse equipamento não existe {} x"),
         (msg("what {} is"), "what {} is"),
         ("no such device\n  not reached", "esse equipamento não existe\n  não alcançado"),
@@ -160,6 +169,19 @@ def test_a_replacement_may_contain_values(translator: Translator) -> None:
     assert translator.translate(msg(f"{arg(hint)}!")) == "type `provision plan site=scc`!"
 
 
+def test_a_long_value_is_shortened_inside_its_marks(translator: Translator) -> None:
+    text = shorten(loss("x" * 40, "the link"), 40)
+    assert text == f"{'x' * 20} … x: the link was lost"
+    assert translator.translate(text) == f"perdeu-se a ligação de {'x' * 20} … x"
+    assert shorten(loss("cpe", "the link"), 40) == "cpe: the link was lost"
+
+
+def test_a_text_is_shortened_across_values() -> None:
+    text = shorten(loss("x" * 15, "y" * 40), 20)
+    assert text == "xxxxxxxxxx … y was lost"
+    assert not isinstance(text, Message)
+
+
 def test_marks_in_a_value_are_removed() -> None:
     hostile = "a\ue002b\ue005c\ue004"
     message = msg(f"x {arg(hostile)} y {arg(1)}")
@@ -192,6 +214,35 @@ def test_a_document_without_values_is_packed_unchanged() -> None:
     document = {"text": msg("no such device"), "rows": [1, None]}
     assert pack(document) == document
     assert unpack(document) == document
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    text: str
+    state: Reachability = Reachability.NO
+
+
+class Page(MessageModel):
+    parts: tuple[Part, ...]
+    notes: dict[str, str]
+    title: str | None = None
+
+
+def test_a_model_keeps_the_values_of_its_messages() -> None:
+    left = msg(f"{arg(3)} changes left")
+    page = Page(parts=(Part(left),), notes={"x": left}, title=left)
+    stored = Page.from_json(page.to_json())
+    for each in (page, stored):
+        assert [marked(text) for text in (each.parts[0].text, each.notes["x"], each.title or "")] == [marked(left)] * 3
+    assert stored == page
+    assert stored.parts[0].state is Reachability.NO
+    assert Page.from_json(page.model_dump_json()) == page
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "", '{"texts": 3}', '{"texts": [3]}'])
+def test_another_document_is_no_model(text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        Page.from_json(text)
 
 
 @pytest.mark.usefixtures("portuguese")

@@ -12,7 +12,7 @@ import pytest
 from atlantis_netcfg.cli.base.commands import COMMANDS, load
 from atlantis_netcfg.cli.help import of_command, overview
 from atlantis_netcfg.core import language
-from atlantis_netcfg.core.catalogue import Catalogue, Template, read
+from atlantis_netcfg.core.compiled_catalogue import read
 from atlantis_netcfg.core.language import Language, catalogue_file
 
 ROOT = Path(__file__).parents[3]
@@ -31,7 +31,6 @@ def extraction() -> ModuleType:
 
 MESSAGES = extraction()
 TRANSLATIONS = read(catalogue_file(Language.PORTUGUESE))
-CATALOGUE = Catalogue(TRANSLATIONS)
 
 
 def names(text: str) -> list[str]:
@@ -75,43 +74,6 @@ def test_a_command_in_a_message_is_the_same_in_both_languages() -> None:
         msgid for msgid, text in TRANSLATIONS.items() if set(commands.findall(msgid)) != set(commands.findall(text))
     }
     assert differing == set()
-
-
-SAMPLES = ("x1", "10.64.1.1", "quux-flarb")
-
-
-@pytest.mark.parametrize("end", ["nx+dzjGcRwDvKOyMU7", "rxgOQ1n8YXnclTRzO+gc", "jvu+m8Ga0uBDxs/na+oMj"])
-def test_fingerprint_is_never_translated(end: str) -> None:
-    assert CATALOGUE.translate(f"key SHA256:{end}") == f"chave SHA256:{end}"
-
-
-@pytest.mark.parametrize("sample", SAMPLES)
-def test_every_message_with_values_is_translated(sample: str) -> None:
-    wrong = {}
-    for msgid, text in TRANSLATIONS.items():
-        given = {name: f"{sample}{place}" for place, name in enumerate(names(msgid))}
-        if given and CATALOGUE.translate(msgid.format(**given)) != text.format(**given):
-            wrong[msgid] = CATALOGUE.translate(msgid.format(**given))
-    assert wrong == {}
-
-
-def test_device_text_inside_a_message_stays_unchanged() -> None:
-    answer = "failure: already have flarb with such name"
-    wrong = {}
-    for msgid, text in TRANSLATIONS.items():
-        template = Template.of(msgid, text)
-        lone = len(names(msgid)) == 1 == len(template.names)
-        if lone and template.letters >= 24 and "`{" not in msgid:
-            made = CATALOGUE.translate(msgid.format(**dict.fromkeys(names(msgid), answer)))
-            if answer not in made:
-                wrong[msgid] = made
-    assert wrong == {}
-
-
-def test_every_message_without_values_is_translated() -> None:
-    whole = {msgid: text for msgid, text in TRANSLATIONS.items() if not names(msgid)}
-    found = {msgid: CATALOGUE.translate(msgid.format()) for msgid in whole}
-    assert found == {msgid: text.format() for msgid, text in whole.items()}
 
 
 def brazilian() -> dict[str, str]:

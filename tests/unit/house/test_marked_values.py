@@ -14,11 +14,11 @@ def last_name(node: ast.AST) -> str:
     return getattr(node, "attr", getattr(node, "id", ""))
 
 
-def error_classes() -> set[str]:
-    """The errors whose text and hint become messages: NetcfgError and what hands them on unchanged."""
+def error_classes(root: str) -> set[str]:
+    """The errors whose text and hint become messages: `root` and what hands them on unchanged."""
     classes = [node for tree in TREES.values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
     own = {node.name for node in classes for item in node.body if getattr(item, "name", "") == "__init__"}
-    result = {"NetcfgError"}
+    result = {root}
     while (
         more := {node.name for node in classes if result & set(map(last_name, node.bases)) and node.name not in own}
         - result
@@ -27,7 +27,9 @@ def error_classes() -> set[str]:
     return result
 
 
-ERRORS = error_classes()
+MODULE_ERRORS = error_classes("ModuleError")
+"""Errors on other computers: their second argument is the hint."""
+ERRORS = error_classes("NetcfgError") | MODULE_ERRORS
 OF_A_CLOSED_LIST = {"noun", "where"}
 """Names of parts of a sentence: `MADE` of tools/messages.py has every sentence that they make."""
 
@@ -51,7 +53,8 @@ def makes_messages(node: ast.AST, above: dict[ast.AST, ast.AST]) -> bool:
         return True
     assert isinstance(call, ast.Call)
     is_error = is_call(call, *ERRORS) or (is_call(call, "__init__") and bool(ERRORS & bases_around(call, above)))
-    return is_error and (call.args[:1] == [node] or name == "hint")
+    places = 2 if is_call(call, *MODULE_ERRORS) else 1
+    return is_error and (node in call.args[:places] or name == "hint")
 
 
 def bases_around(node: ast.AST, above: dict[ast.AST, ast.AST]) -> set[str]:
@@ -75,10 +78,10 @@ def misplaced_values(source: str) -> Iterator[int]:
 
 
 def unmarked_values(source: str) -> Iterator[int]:
-    """The lines of `msg(…)` with a value that is not in `arg(…)`."""
+    """The lines of `msg(…)`, or of an error of another computer, with a value that is not in `arg(…)`."""
     for call in ast.walk(ast.parse(source)):
-        if isinstance(call, ast.Call) and is_call(call, "msg"):
-            texts = [node for node in choices(call.args[0]) if isinstance(node, ast.JoinedStr)]
+        if isinstance(call, ast.Call) and is_call(call, "msg", *MODULE_ERRORS):
+            texts = [node for part in call.args for node in choices(part) if isinstance(node, ast.JoinedStr)]
             unmarked = [value for text in texts for value in values(text) if not is_call(value, "arg")]
             yield from (value.lineno for value in unmarked if last_name(value) not in OF_A_CLOSED_LIST)
 
@@ -115,6 +118,7 @@ def test_values_are_marked_in_messages_and_nowhere_else(package: str) -> None:
         'print(f"{arg(name)} is gone")',
         'text = f"{arg(name)} is gone"',
         'UsageError("gone", f"{arg(name)}")',
+        'ModuleError("gone", "look there", f"{arg(name)}")',
         'sorted((f"{arg(name)}", "b"))',
     ],
 )
@@ -128,6 +132,7 @@ def test_a_value_outside_of_a_message_is_refused(source: str) -> None:
         "msg(f\"{arg(name)} is {'gone' if away else f'at {arg(place)}'}\")",
         'raise UsageError(f"{arg(name)} is gone" if away else "here", hint=f"look at {arg(place)}")',
         'print(translate(f"{arg(name)} is gone"))',
+        'raise ModuleError(f"{arg(name)} is gone", f"look at {arg(place)}")',
         "msg(TEXT.format(name=arg(name)))",
     ],
 )
@@ -136,5 +141,6 @@ def test_values_of_a_message_are_accepted(source: str) -> None:
     assert list(unmarked_values(source)) == []
 
 
-def test_a_value_without_mark_is_refused() -> None:
-    assert list(unmarked_values('msg(f"{arg(name)} is at {place}")')) == [1]
+@pytest.mark.parametrize("name", ["msg", "ModuleError"])
+def test_a_value_without_mark_is_refused(name: str) -> None:
+    assert list(unmarked_values(f"{name}(f'{{arg(name)}} is at {{place}}')")) == [1]

@@ -36,7 +36,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     transcript_or_judgement,
 )
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.inventory.model import AcousticDriver, Column
 from atlantis_netcfg.links import LinkFinding
 
@@ -117,7 +117,7 @@ def _require_unique(what: str, values: Mapping[str, int]) -> Iterator[LinkFindin
     for number in sorted(set(values.values())):
         names = [name for name, local in values.items() if local == number]
         if len(names) > 1:
-            message = msg(f"{arg(' and '.join(names))} have the same {arg(what)}, {arg(number)}")
+            message = msg(f"{arg(conjunction(names))} have the same {arg(what)}, {arg(number)}")
             hint = "ask the crew of one of them to set another value; the inventory shows which belongs to whom"
             yield LinkFinding(Verdict.FAIL, "duplicate-address", message, hint)
 

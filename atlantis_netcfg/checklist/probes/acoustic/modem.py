@@ -22,7 +22,7 @@ from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, conjunction, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding
 
@@ -413,10 +413,9 @@ def whose_unknown(modem: AcousticModem, name: str) -> LinkFinding:
 
 def two_modems(modem: AcousticModem, name: str, addresses: Collection[int]) -> LinkFinding:
     """Return the finding for contradicting addresses, which mean more than one modem."""
-    text = " and ".join(map(str, sorted(addresses)))
     message = msg(
-        f"the device that responds for {arg(name)} at {arg(modem.where)} reports the acoustic addresses {arg(text)}: "
-        "it is more than one modem"
+        f"the device that responds for {arg(name)} at {arg(modem.where)} reports the acoustic addresses "
+        f"{arg(conjunction(sorted(addresses)))}: it is more than one modem"
     )
     hint = "check what is connected there: one line serves one modem, and no program may mix two"
     return LinkFinding(Verdict.FAIL, "two-modems", message, hint)

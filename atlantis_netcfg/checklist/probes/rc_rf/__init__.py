@@ -25,7 +25,7 @@ from atlantis_netcfg.checklist.probes.rc_rf.judge import (
 )
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Stream, System, enough, read
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -45,7 +45,7 @@ def evidence(stream: Stream, expectation: RcExpectation) -> tuple[report.Evidenc
 
 
 def _find_evidence(source: Stream, expectation: RcExpectation) -> Iterator[report.Evidence]:
-    versions = " and ".join(map(str, source.versions)) or "of unknown version"
+    versions = conjunction(source.versions) or "of unknown version"
     stream = msg(
         f"MAVLink {arg(versions)}, {arg(source.good)} frames and {arg(source.bad)} corrupted pieces in "
         f"{arg(source.ended_s):.0f} s"

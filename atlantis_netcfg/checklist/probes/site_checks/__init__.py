@@ -62,9 +62,13 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     if site.router is None:
         do = "Check it yourself: the site has no router in the inventory that could be queried."
         return tuple(
-            by_hand(name, name.replace("-", " "), do, msg(_HOLDS.format(arg(name))), (site.name,)) for name in NAMES
+            by_hand(
+                name,
+                name.replace("-", " "),
+                do,
+                msg(f"What docs/checklist.md says about `{arg(name)}` is true."),
+                (site.name,),
+            )
+            for name in NAMES
         )
     return (*(make(site) for make in _CHECKS.values()), *access_point_check(site), *link_qualified_checks(site))
-
-
-_HOLDS = "What docs/checklist.md says about `{}` is true."

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
@@ -108,7 +108,7 @@ def declared_evidence(what: str, value: str) -> report.Evidence:
 def join_words(words: Iterable[str]) -> str:
     """Join words: `a`, `a and b`, `a, b and c`."""
     every = list(words)
-    return " and ".join(filter(None, (join(", ", every[:-1]), *every[-1:])))
+    return conjunction(filter(None, (join(", ", every[:-1]), *every[-1:])))
 
 
 _TRUE = frozenset({"true", "yes"})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
 from atlantis_netcfg.checklist.probes.site_checks import parse
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, conjunction, msg
 from atlantis_netcfg.inventory.model import SshHost
 from atlantis_netcfg.links import LinkFinding
 
@@ -44,12 +44,12 @@ def vpn_check(site: parse.OwnSite) -> base.Step:
         "vpn",
         title,
         msg(
-            f"On {arg(' and '.join(members))}, check the tunnel's address, and ping a member at another site through "
+            f"On {arg(conjunction(members))}, check the tunnel's address, and ping a member at another site through "
             "the tunnel. No router, gateway computer or control centre of this site is in the VPN, so no program can "
             "do it."
         ),
         msg(
-            f"{arg(' and '.join((msg(f'{arg(name)} has {arg(address)}') for name, address in members.items())))}, and "
+            f"{arg(conjunction((msg(f'{arg(name)} has {arg(address)}') for name, address in members.items())))}, and "
             "the other site responds."
         ),
         tuple(members),

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import timedelta
 from decimal import Decimal
 from pathlib import Path
@@ -14,6 +15,8 @@ from tolerances import tolerances
 
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.stored_messages import marked_texts
 from atlantis_netcfg.links.qualify.archive import (
     RECORD_FILE,
     find_run,
@@ -216,6 +219,19 @@ def test_stored_runs_are_found(tmp_path: Path) -> None:
     (folder / later.id / RUN_FILE).write_text("{}")
     with pytest.raises(DamagedStateError):
         stored_runs(store, "coastal")
+
+
+def test_stored_run_and_figures_keep_the_values_of_their_messages(tmp_path: Path) -> None:
+    why = msg(f"{arg(3)} packets left by {arg('ether2')}")
+    place = put_run(tmp_path / "real" / "coastal" / "qualify", measured_run(way_reason=why))
+    saved_run = find_run(Store(tmp_path), "coastal", place.name)
+    assert marked_texts(saved_run.run) == marked_texts([why])
+    record = record_of(saved_run)
+    row = replace(record.load[0], doubt=msg(f"{arg(3)} samples are missing"))
+    keep_record(place, record.model_copy(update={"load": (row,)}))
+    stored = record_of(saved_run)
+    assert stored.load == (row,)
+    assert marked_texts(stored.load) == marked_texts([row.doubt])
 
 
 def test_stored_figures_are_used_only_for_their_own_samples(tmp_path: Path) -> None:

@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 
+from atlantis_netcfg.core import stored_messages
 from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.messages import Message, arg
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.apply import RunName, SiteRun
 from atlantis_netcfg.operations.common.request import Mode, Request, StandIns, Target
@@ -62,6 +64,10 @@ def outcome(listener: Listener) -> dict[str, Any]:
     (told,) = [one for one in listener.told() if one.get("devices")]
     result: dict[str, Any] = told["devices"][HOST]
     return {**result, "run": told["runs"]}
+
+
+def msg(text: str) -> Message:
+    return Message(text)
 
 
 def ask(tmp_path: Path, part: str, inventory: Path = SHIPPED, **asked: Any) -> Any:  # noqa: ANN401
@@ -141,6 +147,23 @@ def test_failure_names_task_reason_and_hint(watch: Watch, listener: Listener, tm
     assert result["message"] == "Install: the key has expired (after 2 changes)"
     assert result["hint"] == "ship a new one"
     assert Store(tmp_path, is_rehearsal=True).runs("coastal")[0].exit == int(ExitCode.FAILED)
+
+
+def test_messages_of_a_module_keep_their_values(watch: Watch, listener: Listener) -> None:
+    name, size = msg(f"start {arg('radio')} if it is plugged in"), msg(f"{arg(1.5)} GB are missing")
+    watch.begin([HOST])
+    watch.start_task(HOST, "Configure")
+    watch.ok(HOST, "Work out", stored_messages.pack({"changed": False, "per_host": {HOST: [name]}}))
+    change = msg(f"step {arg(str.__str__(name))}")
+    watch.ok(HOST, "Configure", stored_messages.pack({"changed": True, "changes": [change]}))
+    watch.fail_task(HOST, "Install", stored_messages.pack({"msg": size, "hint": ""}))
+    watch.end({HOST})
+    (line,) = [line for line in listener.told() if line.get("devices")]
+    result = stored_messages.unpack(line)["devices"][HOST]
+    assert result["changes"] == ["step start radio if it is plugged in"]
+    assert name.source in result["changes"][0].source
+    assert name.source in result["diff"].source
+    assert size.source in result["message"].source
 
 
 def test_rolled_back_failure_is_reported_as_rolled_back(watch: Watch, listener: Listener) -> None:
@@ -237,9 +260,7 @@ def test_drift_reports_what_a_run_would_change(tmp_path: Path, listener: Listene
     result = outcome(listener)
     assert (result["status"], result["exit"]) == ("drifted", int(ExitCode.CHECKS_FAILED))
     assert result["message"] == "2 differences"
-    assert drift_lines(result["comparison"]).splitlines()[:3] == [
-        *("  roles", "    changed  file /etc/a", "             declared")
-    ]
+    assert drift_lines(result["comparison"])[:3] == [*("  roles", "    changed  file /etc/a", "             declared")]
 
 
 def test_no_package_is_fetched_over_a_metered_link_without_consent(tmp_path: Path) -> None:

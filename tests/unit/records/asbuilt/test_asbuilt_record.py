@@ -7,8 +7,10 @@ import pytest
 from asbuilt_examples import AT, GATEWAY, LATER, away, port, read, record, router, terminal
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.stored_messages import marked_texts
 from atlantis_netcfg.inventory.model import NumberMask
-from atlantis_netcfg.records.asbuilt.archive import FILE, keep, latest, new_folder, parse_record
+from atlantis_netcfg.records.asbuilt.archive import FILE, keep, latest, new_folder, parse_record, record_json
 from atlantis_netcfg.records.asbuilt.record import (
     AsBuiltRecord,
     CableState,
@@ -162,7 +164,7 @@ def test_signed_checklist_marks_devices_as_tested_and_centre_has_a_table() -> No
 
 
 def data(**more: str) -> bytes:
-    return json.dumps(record(**more).as_json()).encode()
+    return record_json(record(**more))
 
 
 def test_latest_record_is_returned_as_stored(tmp_path: Path) -> None:
@@ -173,6 +175,14 @@ def test_latest_record_is_returned_as_stored(tmp_path: Path) -> None:
         keep(folder, {FILE: data(id=name), "as-built.html": b"page"})
     assert latest(tmp_path / "asbuilt") == record(id="20261126T100000Z")
     assert (tmp_path / "asbuilt" / "20261126T100000Z" / FILE).stat().st_mode & 0o777 == 0o600
+
+
+def test_stored_record_keeps_the_values_of_its_messages(tmp_path: Path) -> None:
+    why = msg(f"no response from {arg('10.64.1.1')} within {arg(20)} s")
+    keep(new_folder(tmp_path, AT), {FILE: record_json(record(away(why=why)))})
+    stored = latest(tmp_path)
+    assert stored == record(away(why=why))
+    assert marked_texts(stored) == marked_texts([why])
 
 
 def test_record_without_json_after_a_kill_is_ignored(tmp_path: Path) -> None:

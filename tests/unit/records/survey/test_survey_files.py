@@ -11,6 +11,8 @@ from survey_examples import header, point, survey
 
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.stored_messages import marked_texts
 from atlantis_netcfg.records.survey.archive import evaluate_survey, export, find_survey
 from atlantis_netcfg.records.survey.exports import COLUMNS, csv_table, find_coast, geojson, read_coast
 from atlantis_netcfg.records.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, layers, render_page
@@ -49,6 +51,13 @@ def write(path: Path, made: Survey) -> Path:
 def test_survey_file_round_trips(tmp_path: Path) -> None:
     made = example()
     assert read_survey(write(tmp_path / SURVEY_FILE, made)) == made
+
+
+def test_stored_survey_keeps_the_values_of_its_messages(tmp_path: Path) -> None:
+    why = msg(f"{arg('te4sea-4g')} does not respond within {arg(5)} s")
+    stored = read_survey(write(tmp_path / SURVEY_FILE, survey(point(1, no_radio=why))))
+    assert stored.points[0].no_radio == why
+    assert marked_texts(stored.points) == marked_texts([why])
 
 
 def test_truncated_survey_is_read_without_its_last_line(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import pytest
 from plan_world import lines, observed
 
+from atlantis_netcfg.core.messages import Message, arg
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.drift import compare
 from atlantis_netcfg.routeros.planner import plan
@@ -67,8 +68,10 @@ def test_a_new_row_has_the_declared_value() -> None:
 
 
 def test_note_is_shown_only_with_a_change_in_its_menu() -> None:
-    text = "# atlantis:note /tool netwatch: asking takes 1 MB a day\n" + TEXT
-    assert plan("r", read(text), observed("")).notes == ("asking takes 1 MB a day",)
+    text = "# atlantis:note /tool netwatch: asking takes {1} MB a day\n" + TEXT
+    (note,) = plan("r", read(text), observed("")).notes
+    assert isinstance(note, Message)
+    assert (note, note.source) == ("asking takes 1 MB a day", f"asking takes {arg('1')} MB a day")
     route = AS_DECLARED.format(ptp="10", other="21", asks="no", waits="yes")
     planned = plan("r", read(text), observed(route))
     assert len(planned.actions) == 1

@@ -275,7 +275,7 @@ add action=lookup-only-in-table comment="atlantis: satellite, from its own addre
 # Scripts of netwatch run in every device-mode, and may read and write (MikroTik manual, Netwatch). What they change is
 # declared as run-time state, so it is no drift. After a start of the router they find out anew; a link that was left stays
 # left until it has proved itself.
-# atlantis:note /tool netwatch: probes over 4g, which is metered, use 0.97 MB a day in normal operation; less with a longer `metered_probe_s`
+# atlantis:note /tool netwatch: probes over {4g}, which is metered, use {0.97} MB a day in normal operation; less with a longer `metered_probe_s`
 # atlantis:run-time /tool netwatch disabled=yes disabled=no
 # atlantis:entire /tool netwatch
 /tool netwatch

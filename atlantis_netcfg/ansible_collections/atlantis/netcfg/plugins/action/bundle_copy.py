@@ -16,13 +16,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ansible.errors import AnsibleActionFail, AnsibleError
+from ansible.errors import AnsibleError
 from ansible.plugins.action import ActionBase
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import ZipappAction
-from atlantis_netcfg.core import temporary
-from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core import remote_messages, temporary
+from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.stored_messages import pack
 
 if TYPE_CHECKING:
     from atlantis_netcfg.computers.bundle.open import Bundle
@@ -41,23 +42,28 @@ class ActionModule(ZipappAction):
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Query the board, send the missing files, and let the board assemble the bundle."""
         result: dict[str, Any] = ActionBase.run(self, tmp, task_vars)
-        variables = task_vars or {}
+        try:
+            return {**result, **self._copy(task_vars or {})}
+        except NetcfgError as error:
+            text = join("\n", filter(None, (error, error.hint)))
+            return {**result, **pack({"failed": True, "msg": text})}
+
+    def _copy(self, variables: dict[str, Any]) -> dict[str, Any]:
         host = str(variables["inventory_hostname"])
         bundle = self._open_bundle()
         if host not in bundle.manifest.hosts:
-            raise AnsibleActionFail(
-                msg(f"the bundle was made for {arg(join(', ', bundle.manifest.hosts))}, not for {arg(host)}")
-            )
+            raise DeviceError(f"the bundle was made for {arg(join(', ', bundle.manifest.hosts))}, not for {arg(host)}")
         values = self._query_status(bundle, None, variables)
         if not values.get("failed") and not values["known"]:
             values = self._query_status(bundle, host, variables)
         carried_bytes = 0
         if not values.get("failed") and values["missing"]:
             carried_bytes, values = self._send(bundle, host, values, variables)
-        result.update(values)
         if not values.get("failed"):
-            result.update(_result(bundle, values, carried_bytes, is_sent=not self._task.check_mode))
-        return result
+            answer = remote_messages.unpack(values)
+            more = _result(bundle, answer, carried_bytes, is_sent=not self._task.check_mode)
+            values = pack({**answer, **more})
+        return values
 
     def _open_bundle(self) -> Bundle:
         from atlantis_netcfg.computers.bundle.manifest import Keys  # noqa: PLC0415
@@ -65,11 +71,8 @@ class ActionModule(ZipappAction):
         from atlantis_netcfg.core import paths  # noqa: PLC0415 - Ansible imports every action plugin
 
         state = self._task.args.get("state")
-        try:
-            return open_bundle(Path(self._task.args["bundle"]), Keys.of(Path(state) if state else paths.state_dir()))
-        except NetcfgError as error:
-            hint = f"\n{error.hint}" if error.hint else ""
-            raise AnsibleActionFail(f"{error}{hint}") from error
+        keys = Keys.of(Path(state) if state else paths.state_dir())
+        return open_bundle(Path(self._task.args["bundle"]), keys)
 
     def _query_status(self, bundle: Bundle, host: str | None, variables: dict[str, Any]) -> dict[str, Any]:
         """Query the bundle's state on the board; with `host`, also send the board the list of the bundle's files."""
@@ -87,12 +90,10 @@ class ActionModule(ZipappAction):
         link_name = self._task.args.get("metered")
         if link_name and not of_variables(variables).get("accept_cost", self._task.args.get("accept_cost", False)):
             command = (variables.get("atlantis_request") or {}).get("command", PLAIN_ANSIBLE)
-            raise AnsibleActionFail(
-                msg(
-                    f"{arg(_size(size))} of the bundle would go over metered link {arg(link_name)}, and nobody has "
-                    f"consented to the cost: nothing was sent\nrun the same command with {arg(accepting(command))}, or "
-                    "use another link: `via=lan`"
-                )
+            raise DeviceError(
+                f"{arg(_size(size))} of the bundle would go over metered link {arg(link_name)}, and nobody has "
+                f"consented to the cost: nothing was sent\nrun the same command with {arg(accepting(command))}, or "
+                "use another link: `via=lan`"
             )
 
     def _send(
@@ -113,32 +114,26 @@ class ActionModule(ZipappAction):
                 bundle.pack(host, missing_hashes, archive)
                 self._connection.put_file(str(archive), values["upload"])
         except AnsibleError as error:
-            raise AnsibleActionFail(
-                msg(
-                    f"the link to {arg(host)} was lost while {arg(_size(size))} of the bundle were copied: "
-                    f"{arg(error)}\nrun the same command again: it keeps what has arrived and sends only the rest"
-                )
+            raise DeviceError(
+                f"the link to {arg(host)} was lost while {arg(_size(size))} of the bundle were copied: "
+                f"{arg(error)}\nrun the same command again: it keeps what has arrived and sends only the rest"
             ) from error
         except OSError as error:
-            raise AnsibleActionFail(
-                msg(
-                    f"the files to copy cannot be put together in {arg(temporary.large_temp_dir())}: "
-                    f"{arg(error.strerror or error)}\nfree {arg(_size(size))} there, on this computer"
-                )
+            raise DeviceError(
+                f"the files to copy cannot be put together in {arg(temporary.large_temp_dir())}: "
+                f"{arg(error.strerror or error)}\nfree {arg(_size(size))} there, on this computer"
             ) from error
         answer = self._query_status(bundle, host, variables)
         if not answer.get("failed") and not answer["ready"]:
-            raise AnsibleActionFail(
-                msg(
-                    f"{arg(len(answer['missing']))} files of the bundle did not arrive completely on {arg(host)}\nrun "
-                    "the same command again"
-                )
+            raise DeviceError(
+                f"{arg(len(answer['missing']))} files of the bundle did not arrive completely on {arg(host)}\nrun "
+                "the same command again"
             )
         return size, answer
 
 
 def _size(size: int) -> str:
-    return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1000:.0f} kB"
+    return msg(f"{arg(size / 1e6):.1f} MB" if size >= _MEGABYTE else f"{arg(size / 1000):.0f} kB")
 
 
 def _result(bundle: Bundle, values: dict[str, Any], carried_bytes: int, *, is_sent: bool) -> dict[str, Any]:

@@ -58,7 +58,7 @@ class ActionModule(zipapp_action.ZipappAction):
             self._display.vvv(printable.lines(msg(f"prefetch stopped: {arg(error)}")))
         answers = self.call("batch", requests, variables).get("answers", []) if requests else []
         clean_answers = [
-            printable.clean(zipapp_action.mask_secrets(zipapp_action.without_ansible(answer), secret))
+            zipapp_action.clean_result(zipapp_action.without_ansible(answer), secret)
             for answer, secret in zip(answers, secrets, strict=False)
         ]
         return {**result, "changed": False, **prefetch.pack(requests, clean_answers)}

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable, Collection, Mapping, Sequence
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .apt_messages import explain_install_failure, explain_update_failure, other_source_notes
 from .apt_run import (
     Apt,
@@ -85,8 +87,8 @@ def refuse_if_full(apt: Apt, costs: AptCosts) -> None:
         free = result.f_bavail * result.f_frsize
         if free < size:
             raise ModuleError(
-                f"the computer's disk is too full: {format_size(size)} are needed at {place}, {format_size(free)} "
-                "are free",
+                f"the computer's disk is too full: {arg(format_size(size))} are needed at {arg(place)}, "
+                f"{arg(format_size(free))} are free",
                 "free some space, for example with `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` "
                 "shows what is full",
             )
@@ -96,8 +98,9 @@ def format_size(size: int) -> str:
     """Format a size for a person, in decimal units as mobile network contracts count."""
     for unit, factor in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
         if size >= factor:
-            return f"{size / factor:.1f} {unit}" if size < 10 * factor else f"{size / factor:.0f} {unit}"
-    return f"{size} bytes"
+            decimals = 1 if size < 10 * factor else 0
+            return msg(f"{arg(size / factor):.{decimals}f} {arg(unit)}")
+    return msg(f"{arg(size)} bytes")
 
 
 _INSTALL = (
@@ -162,8 +165,10 @@ class AptConvergence:
         half_installed = half_done(self.apt, before)
         missing = self._missing(before)
         files = [*self.sources.changed_paths, *self.sources.conflicting_paths]
-        self.outcome.changes += [f"package {package.name} was half installed, repaired" for package in half_installed]
-        self.outcome.changes += [f"file {path}" for path in files]
+        self.outcome.changes += [
+            msg(f"package {arg(package.name)} was half installed, repaired") for package in half_installed
+        ]
+        self.outcome.changes += [msg(f"file {arg(path)}") for path in files]
         if check:
             self._forecast(missing, ready=not files and not half_installed)
         elif half_installed or files or missing or self._stale:
@@ -176,11 +181,11 @@ class AptConvergence:
         if self._before is None:
             return []
         packages = [
-            f"package {name} {package.version} ({package.state})"
+            msg(f"package {arg(name)} {arg(package.version)} ({arg(package.state)})")
             for name, package in list_installed(self.apt).items()
             if self._before.get(name) != package
         ]
-        return [*(f"file {path}" for path in self.sources.was), *packages]
+        return [*(msg(f"file {arg(path)}") for path in self.sources.was), *packages]
 
     @property
     def _stale(self) -> bool:
@@ -204,8 +209,8 @@ class AptConvergence:
                 continue
             if is_now is not None and is_now.is_installed and is_now.is_held:
                 raise ModuleError(
-                    f"package {name} is on hold at {is_now.version}; the inventory has {version}",
-                    f"release it on the computer: `apt-mark unhold {name}`; or set the version that it has in the "
+                    f"package {arg(name)} is on hold at {arg(is_now.version)}; the inventory has {arg(version)}",
+                    f"release it on the computer: `apt-mark unhold {arg(name)}`; or set the version that it has in the "
                     "inventory",
                 )
             missing[name] = version
@@ -216,7 +221,8 @@ class AptConvergence:
         if missing and ready and self.sources.is_updated:
             versions = to_install(self.apt.get("-s", "--yes", *self._install_arguments(missing)).output)
         for name, version in missing.items():
-            self.outcome.changes.append(f"package {name} {versions.get(name) or version or ''}".rstrip())
+            new = versions.get(name) or version
+            self.outcome.changes.append(msg(f"package {arg(name)} {arg(new)}" if new else f"package {arg(name)}"))
 
     def _converge(self, half_installed: Sequence[InstalledPackage], before: dict[str, InstalledPackage]) -> None:
         wait_for_others(self.apt.tree, self.apt.wait_s)
@@ -251,14 +257,14 @@ class AptConvergence:
         size = max_lists_download(self.apt) if self.apt.bundle is None else 0
         if limit is not None and (size is None or size > limit):
             self.sources.take_back()
-            text = "an unknown size, usually 10 to 40 MB" if size is None else f"up to {format_size(size)}"
-            raise self._over_limit_error(f"the package lists must be fetched first: {text}")
+            text = "an unknown size, usually 10 to 40 MB" if size is None else msg(f"up to {arg(format_size(size))}")
+            raise self._over_limit_error(msg(f"the package lists must be fetched first: {arg(text)}"))
 
     def _over_limit_error(self, what: str) -> ModuleError:
-        why = f" ({self.desired_packages.limit_words})" if self.desired_packages.limit_words else ""
+        why = msg(f" ({arg(self.desired_packages.limit_words)})") if self.desired_packages.limit_words else ""
         return ModuleError(
-            f"{what}; the accepted limit is {format_size(self.desired_packages.limit_bytes or 0)}{why}. Nothing was "
-            "downloaded for it",
+            f"{arg(what)}; the accepted limit is "
+            f"{arg(format_size(self.desired_packages.limit_bytes or 0))}{arg(why)}. Nothing was downloaded for it",
             "run the same command with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true), or bring the "
             "packages: `provision gateway bundle site=…`, then `--offline`",
         )
@@ -306,14 +312,14 @@ class AptConvergence:
         without = [name for name in missing if name not in versions]
         if without:
             raise ModuleError(
-                f"no configured apt source provides {', '.join(without)}",
+                f"no configured apt source provides {arg(', '.join(without))}",
                 "check the names and the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
             )
         for name, version in missing.items():
             if not any(version_matches(item, version) for item in versions[name]):
                 raise ModuleError(
-                    f"{name}: version {version} is not available; available: "
-                    f"{', '.join(dict.fromkeys(versions[name]))}",
+                    f"{arg(name)}: version {arg(version)} is not available; available: "
+                    f"{arg(', '.join(dict.fromkeys(versions[name])))}",
                     "set one of these in the inventory, or remove the version from it; a bundle keeps old versions",
                 )
 
@@ -349,7 +355,7 @@ class AptConvergence:
         limit = self.desired_packages.limit_bytes
         if limit is not None and costs.download > limit:
             raise self._over_limit_error(
-                f"{len(packages)} packages of {format_size(costs.download)} would be downloaded"
+                msg(f"{arg(len(packages))} packages of {arg(format_size(costs.download))} would be downloaded")
             )
         refuse_if_full(self.apt, costs)
         self.outcome.download_bytes += costs.download
@@ -361,12 +367,12 @@ class AptConvergence:
             still = [*self._missing(after), *(package.name for package in half_done(self.apt, after))]
             if still:
                 raise ModuleError(
-                    f"apt reported success, but {', '.join(dict.fromkeys(still))} is not as in the inventory",
+                    f"apt reported success, but {arg(', '.join(dict.fromkeys(still)))} is not as in the inventory",
                     "`dpkg --audit` and `apt-cache policy` on the computer show what is wrong",
                 )
         for name, package in after.items():
             if package.is_installed and (name not in before or before[name] != package):
-                change = f"package {name} {package.version}"
+                change = msg(f"package {arg(name)} {arg(package.version)}")
                 if name not in self.desired_packages.packages:
                     self.outcome.also[name] = package.version
                 elif change not in self.outcome.changes:

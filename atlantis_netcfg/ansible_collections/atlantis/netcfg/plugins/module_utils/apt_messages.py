@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Iterable, Sequence
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .errors import ModuleError
 
 _LINES = 8
@@ -188,7 +190,8 @@ def explain_install_failure(text: str, names: Iterable[str]) -> ModuleError:
         return full
     if script is not None:
         return ModuleError(
-            f"{script['name']} could not be set up: {script['why'].strip()}\n{_lines_before(text, script.start())}",
+            f"{arg(script['name'])} could not be set up: "
+            f"{arg(script['why'].strip())}\n{arg(_lines_before(text, script.start()))}",
             "see the reason above; when it is fixed, run the same command again: it continues from there",
         )
     error = _first_matching_error(_PACKAGES, lines, names=" ".join(names)) or _first_matching_error(
@@ -204,7 +207,9 @@ def other_source_notes(text: str, urls: Sequence[str]) -> list[str]:
     ]
     hosts = dict.fromkeys(match for line in failed_lines for match in re.findall(r"https?://([^/\s]+)", line))
     return (
-        [f"the package lists of {', '.join(hosts)} could not be updated; the previous ones are used"] if hosts else []
+        [msg(f"the package lists of {arg(', '.join(hosts))} could not be updated; the previous ones are used")]
+        if hosts
+        else []
     )
 
 
@@ -224,8 +229,9 @@ def _first_matching_error(rows: Iterable[_MessageRow], lines: Sequence[str], **m
         for line in lines:
             match = re.search(row.pattern, line)
             if match is not None:
-                groups = {**more, **{name: text or "" for name, text in match.groupdict().items()}}
-                return ModuleError(row.message.format(**groups), row.hint.format(**groups))
+                groups = {**more, **match.groupdict("")}
+                values = dict(zip(groups, map(arg, groups.values())))
+                return ModuleError(row.message.format(**values), row.hint.format(**values))
     return None
 
 
@@ -236,4 +242,5 @@ def _lines_before(text: str, at: int) -> str:
 
 def _raw_output_error(what: str, text: str) -> ModuleError:
     lines = [line.rstrip() for line in text.splitlines() if line.strip() and not _PROGRESS.search(line)]
-    return ModuleError(f"{what}:\n" + "\n".join(lines[-_LINES:]), "the text above is apt's output")
+    output = "\n".join(lines[-_LINES:])
+    return ModuleError(f"{arg(what)}:\n{arg(output)}", "the text above is apt's output")

@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Callable, Sequence
 from urllib.parse import quote
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .errors import ModuleError
 
 if TYPE_CHECKING:
@@ -50,7 +52,7 @@ def bundle_of(tree: FileSystem, folder: str) -> str:
     for name in ("InRelease", _KEY):
         if tree.read(f"{folder}/{name}") is None:
             raise ModuleError(
-                f"{folder} is not an offline bundle, or is incomplete: {name} is missing",
+                f"{arg(folder)} is not an offline bundle, or is incomplete: {arg(name)} is missing",
                 "copy the bundle to the computer again",
             )
     return f"deb [signed-by={folder}/{_KEY}] file:{quote(folder)} ./\n"
@@ -67,13 +69,14 @@ def refuse_another_system(
     desired_system = (distribution or is_now[0], codename or is_now[1])
     if is_now != desired_system:
         raise ModuleError(
-            f"the computer runs {' '.join(is_now)}; the inventory is for {' '.join(desired_system)}",
+            f"the computer runs {arg(' '.join(is_now))}; the inventory is for {arg(' '.join(desired_system))}",
             "write a card with the right system (`provision gateway image --help`), or set the release of this one "
             "in the inventory",
         )
     if architectures and apt.architecture not in architectures:
         raise ModuleError(
-            f"the computer is {apt.architecture}; what the inventory asks for exists for {', '.join(architectures)}",
+            f"the computer is {arg(apt.architecture)}; what the inventory asks for exists for "
+            f"{arg(', '.join(architectures))}",
             "set another release or source in the inventory",
         )
 
@@ -136,7 +139,9 @@ class Apt:
             )
             code = process.returncode
         except FileNotFoundError:
-            raise ModuleError(f"`{argv[0]}` is not installed on this computer", "it must be Debian or Ubuntu") from None
+            raise ModuleError(
+                f"`{arg(argv[0])}` is not installed on this computer", "it must be Debian or Ubuntu"
+            ) from None
         finally:
             os.lseek(handle, 0, os.SEEK_SET)
             with os.fdopen(handle, "rb") as file:
@@ -219,7 +224,7 @@ def list_installed(apt: Apt) -> dict[str, InstalledPackage]:
     output = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
     if output.code:
         raise ModuleError(
-            f"dpkg cannot read its database: {output.output.strip()}",
+            f"dpkg cannot read its database: {arg(output.output.strip())}",
             "`cp /var/lib/dpkg/status-old /var/lib/dpkg/status` restores the state before the last change",
         )
     result: dict[str, InstalledPackage] = {}
@@ -262,7 +267,7 @@ def wait_for_others(tree: FileSystem, wait_s: float, sleep: Callable[[float], No
             return
         if time.monotonic() >= until:
             raise ModuleError(
-                f"another program has been installing packages for more than {wait_s:.0f} s: {holder}",
+                f"another program has been installing packages for more than {arg(wait_s):.0f} s: {arg(holder)}",
                 "wait until it ends (`ps -ef | grep -e apt -e dpkg` shows it), then run the same command again; on "
                 "a new board it is usually the system's own first update",
             )
@@ -277,7 +282,7 @@ def _holder(tree: FileSystem, lock: str) -> str | None:
             kind, _, _, _, pid = struct.unpack(_FLOCK, fcntl.fcntl(file, fcntl.F_GETLK, data))
     except OSError:
         return None
-    return None if kind == fcntl.F_UNLCK else f"process {pid}{_command(pid)}"
+    return None if kind == fcntl.F_UNLCK else msg(f"process {arg(pid)}{arg(_command(pid))}")
 
 
 def _command(pid: int) -> str:

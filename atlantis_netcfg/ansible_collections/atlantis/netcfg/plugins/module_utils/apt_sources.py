@@ -10,6 +10,8 @@ import time
 from dataclasses import dataclass
 from typing import Mapping, Sequence
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .errors import ModuleError
 from .filesystem import FileSystem, Stamps
 from .openpgp import NotAKey, PublicKey, public_keys
@@ -34,7 +36,7 @@ def key_of(parameter: Mapping[str, str]) -> AptKey:
         content = base64.b64decode(parameter["content_base64"], validate=True)
     except binascii.Error:
         raise ModuleError(
-            f"the key for {parameter['path']} did not arrive completely", "run the same command again"
+            f"the key for {arg(parameter['path'])} did not arrive completely", "run the same command again"
         ) from None
     return AptKey(parameter["path"], content, re.sub(r"\s", "", parameter["fingerprint"]).upper())
 
@@ -45,12 +47,12 @@ def check_key(key: AptKey, now: float) -> str | None:
         keys = public_keys(key.content)
     except NotAKey as why:
         raise ModuleError(
-            f"the file for {key.path} is not a public key: {why}", "download it again and compare its size"
+            f"the file for {arg(key.path)} is not a public key: {arg(why)}", "download it again and compare its size"
         ) from None
     if [public_key.fingerprint for public_key in keys] != [key.fingerprint]:
         raise ModuleError(
-            f"the key for {key.path} is {', '.join(item.fingerprint for item in keys)}, the inventory has "
-            f"{key.fingerprint}",
+            f"the key for {arg(key.path)} is {arg(', '.join(item.fingerprint for item in keys))}, the inventory has "
+            f"{arg(key.fingerprint)}",
             "ask the archive's maintainer which key is right; do not use a key that nobody vouches for",
         )
     return _check_key_validity(keys[0], now)
@@ -60,17 +62,21 @@ def _check_key_validity(key: PublicKey, now: float) -> str | None:
     today = _day(now)
     if now < key.renewed_at:
         raise ModuleError(
-            f"the computer's clock says {today}; the key {key.fingerprint} was created on {_day(key.renewed_at)}",
+            f"the computer's clock says {arg(today)}; the key {arg(key.fingerprint)} was created on "
+            f"{arg(_day(key.renewed_at))}",
             "set the clock: `date --set '2026-01-31 12:00'` until a time server can be reached",
         )
     if key.expires is None or now < key.expires - _WARN_DAYS * _DAY_S:
         return None
     if now >= key.expires:
         raise ModuleError(
-            f"the key {key.fingerprint} expired on {_day(key.expires)}; the computer's clock says {today}",
+            f"the key {arg(key.fingerprint)} expired on {arg(_day(key.expires))}; the computer's clock says "
+            f"{arg(today)}",
             "put the renewed key into the inventory (`key_file`); if the clock is wrong, set it",
         )
-    return f"the key {key.fingerprint} expires on {_day(key.expires)}: put the renewed one into the inventory"
+    return msg(
+        f"the key {arg(key.fingerprint)} expires on {arg(_day(key.expires))}: put the renewed one into the inventory"
+    )
 
 
 def _day(seconds: float) -> str:

@@ -24,6 +24,8 @@ from dataclasses import dataclass
 from typing import Callable, Iterable
 from urllib.parse import urlsplit
 
+from atlantis_netcfg.core.messages import arg
+
 from .build_messages import BuildTrouble, about_git, error_lines, trouble
 from .build_plan import Repository, is_commit
 from .errors import ModuleError
@@ -37,7 +39,7 @@ def store_token(folder: str, name: str, url: str, token: str) -> None:
     server = urlsplit(url).netloc
     if not re.fullmatch(r"[A-Za-z0-9.-]+(:[0-9]+)?", server) or not token.isprintable():
         raise ModuleError(
-            f"no token can be used for {url}", "use an address like https://gitlab.example.org/group/project"
+            f"no token can be used for {arg(url)}", "use an address like https://gitlab.example.org/group/project"
         )
     user, colon, password = token.partition(":")
     if not colon:
@@ -197,7 +199,7 @@ class Git:
         revision = self.repository.revision
         if self._online("ls-remote", "--heads", "origin", f"refs/heads/{revision}").strip():
             raise ModuleError(
-                f"`{revision}` is a branch of {self.repository.url}, whose content changes",
+                f"`{arg(revision)}` is a branch of {arg(self.repository.url)}, whose content changes",
                 "use a tag or a commit in the inventory: `git ls-remote URL` lists both",
             )
 
@@ -220,7 +222,8 @@ class Git:
         absent = [line[1:].split()[1] for line in lines if line[0] in "-U"]
         if absent:
             raise ModuleError(
-                f"the submodule {absent[0]} of {self.repository.url}, revision {self.repository.revision}, is missing",
+                f"the submodule {arg(absent[0])} of {arg(self.repository.url)}, revision "
+                f"{arg(self.repository.revision)}, is missing",
                 "the partner must complete .gitmodules in the repository",
             )
 
@@ -235,7 +238,7 @@ class Git:
             return error
         refusal = self._build_refusal(error)
         return ModuleError(
-            f"a submodule of {self.repository.url} could not be fetched: {refusal.message}", refusal.hint
+            f"a submodule of {arg(self.repository.url)} could not be fetched: {arg(refusal.message)}", refusal.hint
         )
 
     def _online(self, *words: str) -> str:
@@ -286,8 +289,8 @@ class Git:
         repository = self.repository
         if self.offline is not None and trouble(error.output) in (BuildTrouble.NOT_FOUND, BuildTrouble.REVISION):
             return ModuleError(
-                f"{self.offline} does not contain {repository.url}, revision "
-                f"{repository.revision}:\n{error_lines(error.output)}",
+                f"{arg(self.offline)} does not contain {arg(repository.url)}, revision "
+                f"{arg(repository.revision)}:\n{arg(error_lines(error.output))}",
                 "build the bundle again where there is internet, after the last change of the inventory",
             )
         return about_git(

@@ -25,6 +25,9 @@ import time
 from dataclasses import dataclass
 from typing import Any, Callable, Iterator
 
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.stored_messages import pack
+
 from .build_git import Git, configure
 from .build_messages import CardFull, about_building
 from .build_plan import BuildPlan, BuildStore, is_commit
@@ -89,7 +92,7 @@ class BuildTools:
                 program = os.path.relpath(line[:-1], self.folder)
             elif "not found" in line:
                 raise ModuleError(
-                    f"the build does not run: {program} does not find {line.split()[0].rstrip(':')}",
+                    f"the build does not run: {arg(program)} does not find {arg(line.split()[0].rstrip(':'))}",
                     "send this to the partner who made it; the build in use is unchanged",
                 )
         shutil.rmtree(os.path.join(self.folder, "tmp"), ignore_errors=True)
@@ -176,7 +179,7 @@ def main(job_file: str) -> int:
         outcome = {"run": job["run"], "ok": False, "message": refused.message, "hint": refused.hint}
         _print_step(f"failed after {time.monotonic() - began:.0f} s: {refused.message}")
     with open(f"{job['outcome']}.new", "w", encoding="utf-8") as file:
-        json.dump(outcome, file)
+        json.dump(pack(outcome), file)
     os.replace(f"{job['outcome']}.new", job["outcome"])
     return 0 if outcome["ok"] else 1
 
@@ -242,8 +245,11 @@ def _find_moved_tags(plan: BuildPlan, shelf: BuildStore, commits: dict[str, str]
         before = tags.get(repository.url, {}).get(repository.revision, commits[name])
         if not is_commit(repository.revision) and before != commits[name]:
             notes.append(
-                f"the tag {repository.revision} of the {name} has moved: it pointed to commit {before} at the last "
-                f"build, and now points to {commits[name]}; ask the partner whether that is intended"
+                msg(
+                    f"the tag {arg(repository.revision)} of the {arg(name)} has moved: it pointed to commit "
+                    f"{arg(before)} at the last build, and now points to {arg(commits[name])}; ask the partner "
+                    "whether that is intended"
+                )
             )
     for note in notes:
         _print_step(note)

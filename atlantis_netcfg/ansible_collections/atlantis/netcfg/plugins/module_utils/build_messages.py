@@ -6,6 +6,8 @@ import re
 from enum import Enum
 from typing import Iterable
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .errors import ModuleError
 
 _LINES = 6
@@ -83,23 +85,23 @@ def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleE
     """Return the error for a git failure; `has_token`: the inventory has a token for this repository."""
     kind = trouble(text)
     host = url.split("/")[2] if "://" in url else url
-    at = f"{url}, revision {revision}"
+    at = msg(f"{arg(url)}, revision {arg(revision)}")
     last = error_lines(text)
     if kind is BuildTrouble.CERTIFICATE:
         return ModuleError(
-            f"the certificate of {host} is not accepted:\n{last}",
+            f"the certificate of {arg(host)} is not accepted:\n{arg(last)}",
             "check the gateway's clock first: `date`. If it is right, and the server's certificate is from a "
             "private authority, copy that authority's file to /usr/local/share/ca-certificates/NAME.crt on the "
             "gateway and run `update-ca-certificates` there",
         )
     if kind is BuildTrouble.TOKEN and not has_token:
         return ModuleError(
-            f"{host} requires a token for {url}, and the inventory has none",
+            f"{arg(host)} requires a token for {arg(url)}, and the inventory has none",
             "ask the partner for a token that may read the repository, and set it as `token:` (ansible-vault)",
         )
     if kind is BuildTrouble.TOKEN:
         return ModuleError(
-            f"{host} does not accept the inventory's token for {url}",
+            f"{arg(host)} does not accept the inventory's token for {arg(url)}",
             "it may have expired or lack the scope `read_repository`: ask the partner for a new one; a GitLab "
             "deploy token has a name and is written as NAME:TOKEN",
         )
@@ -110,54 +112,55 @@ def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleE
             else "it is visible only with a token, and the inventory has none"
         )
         return ModuleError(
-            f"there is no repository at {url}, or {visibility}", "open the address in a browser and compare"
+            f"there is no repository at {arg(url)}, or {arg(visibility)}", "open the address in a browser and compare"
         )
     if kind is BuildTrouble.REVISION:
         return ModuleError(
-            f"revision {revision} does not exist in {url}",
+            f"revision {arg(revision)} does not exist in {arg(url)}",
             "`git ls-remote --tags URL` lists its tags; a commit needs all of its 40 hex digits",
         )
     if kind is BuildTrouble.SUBMODULE:
         return ModuleError(
-            f"a submodule of {at} cannot be downloaded: the repository does not contain its address:\n{last}",
+            f"a submodule of {arg(at)} cannot be downloaded: the repository does not contain its address:\n{arg(last)}",
             "the partner must complete .gitmodules in the repository",
         )
     if kind is BuildTrouble.ACCOUNT:
         return ModuleError(
-            f"a submodule of {at} has no https address and would need an account for the gateway:\n{last}",
+            f"a submodule of {arg(at)} has no https address and would need an account for the gateway:\n{arg(last)}",
             "the partner must give it an https address in .gitmodules",
         )
     if kind is BuildTrouble.SPACE:
-        return _card_full_error(f"while {at} was being downloaded")
+        return _card_full_error(msg(f"while {arg(at)} was being downloaded"))
     if kind is BuildTrouble.LINK:
         return ModuleError(
-            f"{host} could not be reached, or the connection was lost, while {at} was being downloaded:\n{last}",
+            f"{arg(host)} could not be reached, or the connection was lost, while {arg(at)} was being "
+            f"downloaded:\n{arg(last)}",
             "check the site's links, then run the same command again: what was downloaded is kept",
         )
-    return ModuleError(f"git could not download {at}:\n{last}", "")
+    return ModuleError(f"git could not download {arg(at)}:\n{arg(last)}", "")
 
 
 def about_building(what: str, text: str) -> ModuleError:
     """Return the error for a failure of colcon, cmake, make or a compiler."""
     last = error_lines(text)
     if re.search(r"No space left on device|Disk quota exceeded", text):
-        return _card_full_error(f"while {what} was being built")
+        return _card_full_error(msg(f"while {arg(what)} was being built"))
     if re.search(r"Killed signal|virtual memory exhausted|Cannot allocate memory|out of memory|\bKilled\b", text):
         return ModuleError(
-            f"the gateway does not have enough memory to build {what}:\n{last}",
+            f"the gateway does not have enough memory to build {arg(what)}:\n{arg(last)}",
             "stop other programs there, or add swap, then run the same command again",
         )
     if missing := re.search(r"package configuration file provided by\s+\"([^\"]+)\"", text):
         return ModuleError(
-            f"to build {what}, cmake needs `{missing.group(1)}`, which is not installed on the gateway",
+            f"to build {arg(what)}, cmake needs `{arg(missing.group(1))}`, which is not installed on the gateway",
             "find its package (`apt-file search NAMEConfig.cmake`) and add it to `interop.packages`",
         )
     if missing := re.search(r"fatal error: (\S+): No such file or directory", text):
         return ModuleError(
-            f"to build {what}, the header {missing.group(1)} is needed, which is missing:\n{last}",
+            f"to build {arg(what)}, the header {arg(missing.group(1))} is needed, which is missing:\n{arg(last)}",
             "find its package (`apt-file search HEADER`) and add it to `interop.packages`",
         )
-    return ModuleError(f"{what} could not be built:\n{last}", "send this to the partner who made it")
+    return ModuleError(f"{arg(what)} could not be built:\n{arg(last)}", "send this to the partner who made it")
 
 
 def error_lines(text: str) -> str:
@@ -173,7 +176,7 @@ def _unique_lines(lines: Iterable[str]) -> list[str]:
 
 def _card_full_error(when: str) -> ModuleError:
     return CardFull(
-        f"the gateway's card became full {when}",
+        f"the gateway's card became full {arg(when)}",
         "free some space, for example with `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h; df -i` shows "
         "what is full. The unfinished build has been removed",
     )

@@ -23,6 +23,9 @@ import shutil
 from dataclasses import asdict, dataclass
 from typing import Any, Collection, Mapping
 
+from atlantis_netcfg.core.messages import arg, join
+from atlantis_netcfg.core.stored_messages import pack, unpack
+
 from .errors import ModuleError, as_module_error
 from .filesystem import FileSystem
 
@@ -90,8 +93,9 @@ class BuildPlan:
     @property
     def words(self) -> str:
         """Description of the plan for a person."""
-        return " and ".join(
-            f"{name} {_shorten_revision(repository.revision)}" for name, repository in self.repositories.items()
+        return join(
+            " and ",
+            (f"{name} {_shorten_revision(repository.revision)}" for name, repository in self.repositories.items()),
         )
 
 
@@ -119,7 +123,7 @@ class BuildStore:
             return None
         is_marker = isinstance(result, dict) and result.get("key") == key
         return (
-            result
+            unpack(result)
             if is_marker and os.path.isfile(os.path.join(self.at(key), "library", "install", "setup.sh"))
             else None
         )
@@ -127,7 +131,7 @@ class BuildStore:
     def complete(self, key: str, marker: Mapping[str, Any]) -> None:
         """Mark a build as complete, once all its files are synced to the card."""
         os.sync()
-        _TREE.write(os.path.join(self.at(key), MARKER), _json({**marker, "key": key}))
+        _TREE.write(os.path.join(self.at(key), MARKER), _json(pack({**marker, "key": key})))
 
     def link_target(self, name: str) -> str | None:
         """Return the key of the build that a link points to; None if there is no such link."""
@@ -194,7 +198,8 @@ class BuildStore:
         path = os.path.join(self.prefix, name)
         if os.path.isdir(path) and not os.path.islink(path):
             raise ModuleError(
-                f"{path} is a folder, but must be a symbolic link to a build", f"move it away: mv {path} {path}.old"
+                f"{arg(path)} is a folder, but must be a symbolic link to a build",
+                f"move it away: mv {arg(path)} {arg(path)}.old",
             )
         _TREE.link(path, os.path.join("builds", key))
         _TREE.sync(path)

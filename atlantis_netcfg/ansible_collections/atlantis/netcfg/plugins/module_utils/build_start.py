@@ -20,6 +20,10 @@ import zipfile
 from dataclasses import dataclass, field
 from typing import Any, Callable, Mapping
 
+from atlantis_netcfg.core import messages, stored_messages
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.stored_messages import unpack
+
 from . import build_git, build_make, build_messages, build_plan, errors, filesystem
 from .build_git import store_token
 from .build_plan import BuildPlan, BuildStore, Repository
@@ -73,10 +77,13 @@ def compiler(run: Callable[[list[str]], ProgramResult] = run) -> str | None:
 def pack(path: str) -> None:
     """Write the build program as a zip file, from the source of this package's modules."""
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("build/__init__.py", "")
+        for package in ("build", "atlantis_netcfg", "atlantis_netcfg/core"):
+            archive.writestr(f"{package}/__init__.py", "")
         archive.writestr("__main__.py", "import sys\nfrom build.build_make import main\nsys.exit(main(sys.argv[1]))\n")
         for module in _MODULES:
             archive.writestr(f"build/{module.__name__.rpartition('.')[2]}.py", inspect.getsource(module))
+        for module in (messages, stored_messages):
+            archive.writestr(f"{module.__name__.replace('.', '/')}.py", inspect.getsource(module))
 
 
 @dataclass
@@ -118,14 +125,14 @@ class Build:
         if self._is_running(plan.key):
             if run_id is not None:
                 raise ModuleError(
-                    f"the build of {plan.words} is still running on the gateway",
-                    f"run the same command again later: the build continues by itself; {values['log']} shows its "
+                    f"the build of {arg(plan.words)} is still running on the gateway",
+                    f"run the same command again later: the build continues by itself; {arg(values['log'])} shows its "
                     "progress",
                 )
             return {**values, "state": "running", "run": self._running_run_id(plan.key)}
         if run_id is not None:
             raise self._build_failure(plan, run_id)
-        self.changes.append(f"build of {plan.words} started")
+        self.changes.append(msg(f"build of {arg(plan.words)} started"))
         if self.check:
             return {**values, "state": "wanted"}
         self._prerequisites(compiler_version)
@@ -133,7 +140,7 @@ class Build:
 
     def _activate_build(self, plan: BuildPlan, shelf: BuildStore, marker: Mapping[str, Any]) -> None:
         if shelf.link_target("current") != plan.key:
-            self.changes.append(f"build {plan.key} of {plan.words} activated")
+            self.changes.append(msg(f"build {arg(plan.key)} of {arg(plan.words)} activated"))
             self.notes.extend(marker["notes"])
             if self.check:
                 return
@@ -149,7 +156,7 @@ class Build:
             if key != plan.key:
                 if self._is_running(key):
                     self.run(["systemctl", "stop", _unit(key)])
-                    self.notes.append(f"build {key}, which is no longer in the inventory, was stopped")
+                    self.notes.append(msg(f"build {arg(key)}, which is no longer in the inventory, was stopped"))
                 shelf.discard(key)
                 self._remove_log(key)
         home, name = self.places.job(plan.key), uuid.uuid4().hex
@@ -202,29 +209,32 @@ class Build:
         """Return the error that explains why a started build has not produced a result."""
         try:
             with open(self.places.outcome(plan.key), encoding="utf-8") as file:
-                outcome = json.load(file)
+                outcome = unpack(json.load(file))
         except (OSError, ValueError):
             outcome = {}
         log = self.places.log(plan.key)
         if outcome.get("run") == run_id and not outcome.get("ok"):
             hint = outcome["hint"]
-            return ModuleError(outcome["message"], f"{hint}{'; ' if hint else ''}complete output: {log} on the gateway")
+            return ModuleError(
+                outcome["message"], f"{arg(hint)}{'; ' if hint else ''}complete output: {arg(log)} on the gateway"
+            )
         return ModuleError(
-            f"the build of {plan.words} was interrupted: the gateway lost power, or the build was ended there",
-            f"run the same command again: it continues with what was downloaded; complete output: {log} on the gateway",
+            f"the build of {arg(plan.words)} was interrupted: the gateway lost power, or the build was ended there",
+            f"run the same command again: it continues with what was downloaded; complete output: {arg(log)} on the "
+            "gateway",
         )
 
     def _prerequisites(self, compiler_version: str | None) -> None:
         if not os.path.isfile(self.ros_setup):
             raise ModuleError(
-                f"ROS 2 is not installed on the gateway: {self.ros_setup} does not exist",
+                f"ROS 2 is not installed on the gateway: {arg(self.ros_setup)} does not exist",
                 "set `ros2:` next to `interop:` in the inventory, with the release to use",
             )
         programs = ["git", "colcon", "make", *(["cmake"] if self.examples is not None else [])]
         missing = [name for name in programs if not is_there(name)] + ([] if compiler_version else ["c++"])
         if missing:
             raise ModuleError(
-                f"the gateway lacks {', '.join(missing)}, which the build needs",
+                f"the gateway lacks {arg(', '.join(missing))}, which the build needs",
                 "the packages in `interop.packages` provide them: build-essential, cmake, git; colcon comes with ROS 2",
             )
 

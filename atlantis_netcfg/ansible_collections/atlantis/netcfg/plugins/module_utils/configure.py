@@ -13,6 +13,8 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Callable, Iterable, Mapping
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from . import ssh_access
 from .errors import ModuleError
 from .file_transaction import FileTransaction, clear, unknown_paths
@@ -68,7 +70,7 @@ class Systemd:
         result = self.run(["systemctl", "show", "--property", properties, "--", name])
         if result.code != 0:
             raise ModuleError(
-                f"systemd does not respond:\n{last_lines(result.output)}",
+                f"systemd does not respond:\n{arg(last_lines(result.output))}",
                 "`systemctl is-system-running` shows why; a container without systemd cannot be a gateway",
             )
         values = dict(line.split("=", 1) for line in result.output.splitlines() if "=" in line)
@@ -87,8 +89,8 @@ class Systemd:
 
     def enable(self, name: str, *, should_start: bool) -> None:
         """Enable or disable the start of a unit at boot."""
-        verb = "enable" if should_start else "disable"
-        require_success(self.run(["systemctl", verb, "--", name]), f"unit {name} could not be {verb}d")
+        result = self.run(["systemctl", "enable" if should_start else "disable", "--", name])
+        require_success(result, msg(f"unit {arg(name)} could not be {'enabled' if should_start else 'disabled'}"))
 
     def control(self, verb: str, name: str, *, wait: bool = True) -> None:
         """Start, stop, restart or reload a unit; without `wait`, only queue the job."""
@@ -96,7 +98,7 @@ class Systemd:
             self.run(["systemctl", "reset-failed", "--", name])
         result = self.run(["systemctl", verb, *([] if wait else ["--no-block"]), "--", name])
         if result.code != 0:
-            raise self._failure(f"systemctl {verb} {name} failed", name)
+            raise self._failure(msg(f"systemctl {arg(verb)} {arg(name)} failed"), name)
 
     def settle(self) -> None:
         """Wait until a service that cannot run has died."""
@@ -109,18 +111,20 @@ class Systemd:
             return
         if state.active == "inactive" and not state.condition:
             raise ModuleError(
-                f"unit {name} did not start: a condition of its unit file is not met on this computer",
-                f"`systemctl status {name}` names the condition",
+                f"unit {arg(name)} did not start: a condition of its unit file is not met on this computer",
+                f"`systemctl status {arg(name)}` names the condition",
             )
         if state.active == "inactive" and not has_waited:
             return
-        raise self._failure(f"unit {name} does not keep running: it is {state.active} ({state.sub})", name)
+        raise self._failure(
+            msg(f"unit {arg(name)} does not keep running: it is {arg(state.active)} ({arg(state.sub)})"), name
+        )
 
     def _failure(self, what: str, name: str) -> ModuleError:
         text = last_lines(self.run(["journalctl", "--unit", name, "--lines", "8", "--output", "cat", "--quiet"]).output)
         return ModuleError(
-            what + (f":\n{text}" if text else ""),
-            f"on the computer: `systemctl status {name}`, `journalctl -eu {name}`",
+            f"{arg(what)}:\n{arg(text)}" if text else what,
+            f"on the computer: `systemctl status {arg(name)}`, `journalctl -eu {arg(name)}`",
         )
 
 
@@ -222,10 +226,10 @@ class Configure:
         if not self.check:
             self.stamps.begin(step.name, digests)
             result = self.run(list(step.run))
-            require_success(result, f"step `{step.name}` failed", "the next run tries it again")
+            require_success(result, msg(f"step `{arg(step.name)}` failed"), "the next run tries it again")
             self.notes += [line[len(_NOTE) :] for line in result.output.splitlines() if line.startswith(_NOTE)]
             self.stamps.note(step.name, digests)
-        self.changes.append(f"step {step.name}")
+        self.changes.append(msg(f"step {arg(step.name)}"))
 
     def _apply_units(self) -> None:
         started_units: list[tuple[Unit, dict[str, str]]] = []
@@ -238,7 +242,7 @@ class Configure:
             if unit.enabled is not None and not state.enabled_as(should_start=unit.enabled):
                 if not self.check:
                     self.systemd.enable(unit.name, should_start=unit.enabled)
-                self.changes.append(f"unit {unit.name} {'enabled' if unit.enabled else 'disabled'}")
+                self.changes.append(msg(f"unit {arg(unit.name)} {'enabled' if unit.enabled else 'disabled'}"))
             digests = self._digests(unit.after)
             if self._order(unit, state, digests):
                 started_units.append((unit, digests))
@@ -260,13 +264,13 @@ class Configure:
             return None
         if state.load == "masked":
             raise ModuleError(
-                f"unit {unit.name} is masked: somebody has disabled it",
-                f"to allow it to start: `systemctl unmask {unit.name}`",
+                f"unit {arg(unit.name)} is masked: somebody has disabled it",
+                f"to allow it to start: `systemctl unmask {arg(unit.name)}`",
             )
         if self.check:
             return state
         raise ModuleError(
-            f"unit {unit.name} does not exist on this computer", "the package that provides it is not installed"
+            f"unit {arg(unit.name)} does not exist on this computer", "the package that provides it is not installed"
         )
 
     def _order(self, unit: Unit, state: ConfigureState, digests: dict[str, str]) -> bool:
@@ -280,17 +284,19 @@ class Configure:
             if not fresh and not self.check:
                 self.stamps.note(stamp, digests)
             if runs:
-                self.changes.append(f"unit {unit.name} stopped")
+                self.changes.append(msg(f"unit {arg(unit.name)} stopped"))
             return False
         if runs and fresh:
             return False
-        verb, text = ("start", "started")
-        if runs:
-            verb, text = ("reload-or-restart", "reloaded") if unit.reload else ("restart", "restarted")
+        verb, text = "start", msg(f"unit {arg(unit.name)} started")
+        if runs and unit.reload:
+            verb, text = "reload-or-restart", msg(f"unit {arg(unit.name)} reloaded")
+        elif runs:
+            verb, text = "restart", msg(f"unit {arg(unit.name)} restarted")
         if not self.check:
             self.stamps.begin(stamp, digests)
             self.systemd.control(verb, unit.name, wait=unit.wait)
-        self.changes.append(f"unit {unit.name} {text}")
+        self.changes.append(text)
         return True
 
     def _digests(self, paths: Iterable[str]) -> dict[str, str]:

@@ -6,6 +6,8 @@ import posixpath
 from dataclasses import dataclass, fields
 from typing import Any, Iterable, Mapping, TypeVar
 
+from atlantis_netcfg.core.messages import arg
+
 from .errors import ModuleError
 
 
@@ -178,13 +180,13 @@ def _file(row: Mapping[str, Any], secrets: Mapping[str, str]) -> File:
             content = secret = content.replace(word, value)
     if content is None:
         raise ModuleError(
-            f"file {row['path']} has no content", "set `content` or `secret_content`, or list it in `absent`"
+            f"file {arg(row['path'])} has no content", "set `content` or `secret_content`, or list it in `absent`"
         )
     file = _row(File if secret is None else SecretFile, {**row, "content": content})
     if file.finding and not file.validate:
-        raise ModuleError(f"file {file.path}: a finding needs a validator", "set `validate`")
+        raise ModuleError(f"file {arg(file.path)}: a finding needs a validator", "set `validate`")
     if file.validate and not any("%s" in word for word in file.validate):
-        raise ModuleError(f"file {file.path}: its validator has no %s", "put %s in the place of the file name")
+        raise ModuleError(f"file {arg(file.path)}: its validator has no %s", "put %s in the place of the file name")
     return file
 
 
@@ -196,7 +198,7 @@ def mode_of(entry: Directory | File) -> int:
         mode = -1
     if not 0 <= mode <= 0o7777:  # noqa: PLR2004 - chmod(2)
         raise ModuleError(
-            f"{entry.path}: `{entry.mode}` is not a valid mode",
+            f"{arg(entry.path)}: `{arg(entry.mode)}` is not a valid mode",
             'a mode is four octal digits in quotes, for example "0644"',
         )
     return mode
@@ -207,7 +209,7 @@ def _check_paths(wishes: DesiredState) -> None:
     paths = [item.path for kind in kinds for item in kind] + list(wishes.absent)
     for path in (*paths, *wishes.only):
         if not path.startswith("/") or posixpath.normpath(path) != path or path == "/":
-            raise ModuleError(f"`{path}` is not an absolute path", "write the full path, for example /etc/hosts")
+            raise ModuleError(f"`{arg(path)}` is not an absolute path", "write the full path, for example /etc/hosts")
     _check_no_duplicates("path", paths)
 
 
@@ -215,5 +217,5 @@ def _check_no_duplicates(what: str, names: Iterable[str]) -> None:
     seen_names: set[str] = set()
     for name in names:
         if name in seen_names:
-            raise ModuleError(f"{what} {name} is defined twice", "define it once")
+            raise ModuleError(f"{arg(what)} {arg(name)} is defined twice", "define it once")
         seen_names.add(name)

@@ -10,6 +10,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Callable, Iterator
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .desired_state import mode_of
 from .errors import ModuleError
 from .programs import ProgramResult, is_there, last_lines
@@ -45,22 +47,22 @@ class FileTransaction:
         for directory in self.wishes.directories:
             current = self.found[directory.path]
             lines += (
-                [f"directory {directory.path}"]
+                [msg(f"directory {arg(directory.path)}")]
                 if current is None
-                else self._list_mode_changes("directory", directory, current)
+                else self._list_mode_changes(directory, current)
             )
         for file in self._accepted_files:
             current = self.found[file.path]
             if file in self.rewritten or current is None:
-                lines.append(f"file {file.path}")
+                lines.append(msg(f"file {arg(file.path)}"))
             else:
-                lines += self._list_mode_changes("file", file, current)
+                lines += self._list_mode_changes(file, current)
         lines += [
-            f"link {link.path} -> {link.target}"
+            msg(f"link {arg(link.path)} -> {arg(link.target)}")
             for link in self.wishes.links
             if not self._is_link_to(link.path, link.target)
         ]
-        return lines + [f"absent {path}" for path in self.wishes.absent if self.found[path] is not None]
+        return lines + [msg(f"absent {arg(path)}") for path in self.wishes.absent if self.found[path] is not None]
 
     def differences(self) -> list[dict[str, str]]:
         """Return the text changes for Ansible's diff; secret and binary files are left out."""
@@ -120,7 +122,7 @@ class FileTransaction:
         for request in self.owned:
             current = self.found[request.path]
             is_unchanged = request.path not in self.left and request not in self.rewritten
-            if current is not None and is_unchanged and self._list_mode_changes("", request, current):
+            if current is not None and is_unchanged and self._list_mode_changes(request, current):
                 self.tree.set_attributes(request.path, mode_of(request), *self.owners[request.path])
         for link in self.wishes.links:
             if not self._is_link_to(link.path, link.target):
@@ -156,18 +158,20 @@ class FileTransaction:
         """Validate a file; if it is rejected, leave it out where that is allowed, otherwise raise `ModuleError`."""
         program, end = file.validate[0], "which is unchanged" if file.finding else "so nothing was changed"
         if not is_there(program):
-            why = f"`{program}`, which must accept {file.path}, is not installed, {end}"
+            why = msg(f"`{arg(program)}`, which must accept {arg(file.path)}, is not installed, {arg(end)}")
             self._skip_file(file, why, "install the package that provides it")
             return
         result = self.run([word.replace("%s", beside) for word in file.validate])
         if result.code != 0:
             text = "" if file.secret else ":\n" + last_lines(result.output.replace(beside, file.path))
-            self._skip_file(file, f"{program} does not accept the new {file.path}, {end}{text}", file.hint)
+            self._skip_file(
+                file, msg(f"{arg(program)} does not accept the new {arg(file.path)}, {arg(end)}{arg(text)}"), file.hint
+            )
 
     def _skip_file(self, file: File, why: str, hint: str) -> None:
         if not file.finding:
             raise ModuleError(why, hint)
-        self.left[file.path] = (f"{file.finding}: {why}", hint)
+        self.left[file.path] = (msg(f"{arg(file.finding)}: {arg(why)}"), hint)
         self.rewritten = [each for each in self.rewritten if each.path != file.path]
 
     def _find_of_kind(self, path: str, kinds: tuple[str, ...]) -> FoundFile | None:
@@ -175,11 +179,13 @@ class FileTransaction:
         if result is None or result.kind in kinds:
             return result
         if "directory" in kinds and result.kind == "link" and Path(self.tree.at(path)).is_dir():
-            raise ModuleError(f"{path} is a link to a directory, but must be a directory", f"check it: `ls -l {path}`")
+            raise ModuleError(
+                f"{arg(path)} is a link to a directory, but must be a directory", f"check it: `ls -l {arg(path)}`"
+            )
         what = {"directory": "a directory", "file": "a file", "link": "a link"}.get(result.kind, "a device or a socket")
         raise ModuleError(
-            f"{path} is {what}, but must be {_describe_kind(kinds)}. Nothing was changed",
-            f"check it and move it away: `ls -ld {path}`",
+            f"{arg(path)} is {arg(what)}, but must be {arg(_describe_kind(kinds))}. Nothing was changed",
+            f"check it and move it away: `ls -ld {arg(path)}`",
         )
 
     def _has_other_content(self, file: File) -> bool:
@@ -190,12 +196,23 @@ class FileTransaction:
         current = self.found[path]
         return current is not None and current.kind == "link" and current.target == target
 
-    def _list_mode_changes(self, kind: str, request: Directory | File, current: FoundFile) -> list[str]:
+    def _list_mode_changes(self, request: Directory | File, current: FoundFile) -> list[str]:
+        is_directory = request in self.wishes.directories
         lines = []
         if current.mode != (mode := mode_of(request)):
-            lines.append(f"{kind} {request.path} mode {current.mode:04o} -> {mode:04o}")
+            lines.append(
+                msg(
+                    f"{'directory' if is_directory else 'file'} {arg(request.path)} mode {arg(current.mode):04o} "
+                    f"-> {arg(mode):04o}"
+                )
+            )
         if (current.uid, current.gid) != self.owners[request.path]:
-            lines.append(f"{kind} {request.path} owner -> {request.owner}:{request.group}")
+            lines.append(
+                msg(
+                    f"{'directory' if is_directory else 'file'} {arg(request.path)} owner -> "
+                    f"{arg(request.owner)}:{arg(request.group)}"
+                )
+            )
         return lines
 
 

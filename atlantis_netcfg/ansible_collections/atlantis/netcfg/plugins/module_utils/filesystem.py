@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from typing import Iterator, Mapping
 from urllib.parse import quote
 
+from atlantis_netcfg.core.messages import arg
+
 from .errors import ModuleError, as_module_error
 
 _PERMISSIONS = 0o7777
@@ -66,8 +68,8 @@ class FileSystem:
             return None
         except NotADirectoryError:
             raise ModuleError(
-                f"{path} cannot be created: one of its parents is a file, but must be a directory",
-                f"check `namei -l {path}`",
+                f"{arg(path)} cannot be created: one of its parents is a file, but must be a directory",
+                f"check `namei -l {arg(path)}`",
             ) from None
         except OSError as error:
             raise as_module_error(error, path) from error
@@ -88,7 +90,7 @@ class FileSystem:
             return int(owner) if owner.isdigit() else pwd.getpwnam(owner).pw_uid
         except KeyError:
             raise ModuleError(
-                f"account `{owner}` does not exist on this computer", f"create it: `adduser {owner}`"
+                f"account `{arg(owner)}` does not exist on this computer", f"create it: `adduser {arg(owner)}`"
             ) from None
 
     def gid(self, group: str) -> int:
@@ -97,7 +99,7 @@ class FileSystem:
             return int(group) if group.isdigit() else grp.getgrnam(group).gr_gid
         except KeyError:
             raise ModuleError(
-                f"group `{group}` does not exist on this computer", f"create it: `addgroup {group}`"
+                f"group `{arg(group)}` does not exist on this computer", f"create it: `addgroup {arg(group)}`"
             ) from None
 
     def missing_above(self, path: str) -> list[str]:
@@ -106,7 +108,9 @@ class FileSystem:
         above = os.path.dirname(path)
         while above != "/" and not os.path.isdir(self.at(above)):
             if os.path.lexists(self.at(above)):
-                raise ModuleError(f"{above} is in the way: it must be a directory", f"check it: `ls -l {above}`")
+                raise ModuleError(
+                    f"{arg(above)} is in the way: it must be a directory", f"check it: `ls -l {arg(above)}`"
+                )
             missing.insert(0, above)
             above = os.path.dirname(above)
         return missing

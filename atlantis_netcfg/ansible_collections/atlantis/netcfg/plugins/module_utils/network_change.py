@@ -14,6 +14,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.stored_messages import pack, unpack
+
 from . import network_files, network_guard
 from .errors import ModuleError, as_module_error
 from .network_desired import OURS, DesiredNetwork, has_same_settings
@@ -173,7 +176,7 @@ class NetworkChange:
             time.sleep(_PAUSE_S)
         if self._is_pending(name):
             return {"state": "pending", "why": "it waits for confirmation"}
-        values = self.computer.load(OUTCOME) or {}
+        values = unpack(self.computer.load(OUTCOME) or {})
         if values.get("id") != name:
             return {"state": "unknown", "why": "the change is unknown on this computer"}
         return {"state": "confirmed" if values["confirmed"] else "rolled back", "why": values["why"]}
@@ -190,16 +193,16 @@ class NetworkChange:
             alike = {**now, "text": ""} == {**entry, "text": ""} and has_same_settings(now.get("text"), text)
             entries.append(now if alike else entry)
             if not alike:
-                self.changes.append(f"file {path} removed" if text is None else f"file {path}")
+                self.changes.append(msg(f"file {arg(path)} removed") if text is None else msg(f"file {arg(path)}"))
                 before = now.get("text") or ""
                 result = before if OURS in before else ""  # somebody else's may hold the key of a radio network
                 self.diff.append({"before_header": path, "after_header": path, "before": result, "after": text or ""})
         if self.desired.by == "networkd" and not self._is_networkd_state("is-enabled", "enabled"):
             entries.append({"path": _ENABLED_LINK, "link": _UNIT})
-            self.changes.append(f"unit {_NETWORKD} enabled")
+            self.changes.append(msg(f"unit {arg(_NETWORKD)} enabled"))
         if not self.changes:
             self.changes += [
-                f"network {self.desired.interface} applied: {what}"
+                msg(f"network {arg(self.desired.interface)} applied: {arg(what)}")
                 for what in self.desired.list_deviations(self.computer)
             ]
         return entries
@@ -228,8 +231,8 @@ class NetworkChange:
             for path, value in ((PREVIOUS, previous), (DESIRED_PATH, becomes)):
                 computer.write(path, json.dumps(value, indent=1))
             computer.write(ROOM, " " * _ROOM_BYTES)
-            silent = f"no new session reached {self.desired.ip} within {self.desired.rollback_s} s"
-            computer.write(PENDING, json.dumps({"id": name, "unconfirmed": silent}))
+            silent = msg(f"no new session reached {arg(self.desired.ip)} within {arg(self.desired.rollback_s)} s")
+            computer.write(PENDING, json.dumps(pack({"id": name, "unconfirmed": silent})))
             try:
                 self._arm()
             except ModuleError:
@@ -256,7 +259,7 @@ class NetworkChange:
         result = self.computer.run(("systemd-run", *words))
         if result.code:
             raise ModuleError(
-                f"systemd does not start the rollback units; nothing was changed: {result.output}",
+                f"systemd does not start the rollback units; nothing was changed: {arg(result.output)}",
                 "`systemctl status` there shows the state",
             )
 
@@ -289,18 +292,18 @@ class NetworkChange:
         if self.look(pending["id"], self.desired.rollback_s + _MARGIN_S)["state"] == "pending":
             raise ModuleError(
                 "an earlier network change still waits for confirmation",
-                f"`systemctl status {BACK}` there shows why it was not rolled back",
+                f"`systemctl status {arg(BACK)}` there shows why it was not rolled back",
             )
 
     def _missing(self, name: str) -> str:
         """Return what is still missing after the tool's time; record it first in case the window closes meanwhile."""
-        missing = "; ".join(self.desired.wait_until_reachable(self.computer, 0.0))
+        missing = join("; ", self.desired.wait_until_reachable(self.computer, 0.0))
         if not missing:
             return ""
         with self.computer.hold_lock():
             if self._is_pending(name):
-                self.computer.write(PENDING, json.dumps({"id": name, "unconfirmed": missing}))
-        return "; ".join(self.desired.wait_until_reachable(self.computer, _SETTLED_S))
+                self.computer.write(PENDING, json.dumps(pack({"id": name, "unconfirmed": missing})))
+        return join("; ", self.desired.wait_until_reachable(self.computer, _SETTLED_S))
 
     def _start_rollback(self) -> None:
         self.computer.run(("systemctl", "start", "--no-block", BACK))

@@ -20,6 +20,8 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Iterator, Mapping
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .errors import ModuleError
 from .network_guard import addresses
 
@@ -69,7 +71,7 @@ def generate_netplan(computer: NetworkComputer, texts: dict[str, str]) -> tuple[
         for path in sorted(glob.glob(f"{root}/run/systemd/network/*.network")):
             with open(path, encoding="utf-8") as file:
                 network_texts.append(file.read())
-        message = result.output.replace(f"{root}/", "/") or f"netplan exited with {result.code}"
+        message = result.output.replace(f"{root}/", "/") or msg(f"netplan exited with {arg(result.code)}")
         return (message if result.code else ""), network_texts
 
 
@@ -231,16 +233,17 @@ class DesiredNetwork:
             interface, gateway = ipaddress.IPv4Interface(self.address), ipaddress.IPv4Address(self.gateway)
         except ValueError as error:
             raise ModuleError(
-                f"the address of {self.interface} is not valid: {error}", "an address looks like 10.64.1.10/24"
+                f"the address of {arg(self.interface)} is not valid: {arg(error)}",
+                "an address looks like 10.64.1.10/24",
             ) from None
         if "/" not in self.address:
             raise ModuleError(
-                f"the address {self.address} has no prefix length", f"an address looks like {self.address}/24"
+                f"the address {arg(self.address)} has no prefix length", f"an address looks like {arg(self.address)}/24"
             )
         if gateway not in interface.network or gateway == interface.ip:
             raise ModuleError(
-                f"{self.gateway} cannot be the gateway of {self.address}: it is not another address of"
-                f" {interface.network}",
+                f"{arg(self.gateway)} cannot be the gateway of {arg(self.address)}: it is not another address of"
+                f" {arg(interface.network)}",
                 "check `lan` of the site",
             )
 
@@ -261,11 +264,15 @@ class DesiredNetwork:
     def list_deviations(self, computer: NetworkComputer) -> list[str]:
         """Return what is not in effect; empty if the interface is in the desired state."""
         current = addresses(computer).get(self.interface, [])
-        missing = [] if self.address in current else [f"{self.interface} does not have the address {self.address}"]
+        missing = (
+            []
+            if self.address in current
+            else [msg(f"{arg(self.interface)} does not have the address {arg(self.address)}")]
+        )
         reply = computer.run(("ip", "-json", "-4", "route", "show", "default"))
         routes = json.loads(reply.output or "[]") if reply.code == 0 else []
         if not any(route.get("gateway") == self.gateway and route.get("dev") == self.interface for route in routes):
-            missing.append(f"there is no default route via {self.gateway} on {self.interface}")
+            missing.append(msg(f"there is no default route via {arg(self.gateway)} on {arg(self.interface)}"))
         return missing
 
     def wait_until_reachable(self, computer: NetworkComputer, patience_s: float) -> list[str]:
@@ -283,7 +290,7 @@ class DesiredNetwork:
         neighbours = json.loads(text or "[]")
         if any("lladdr" in item and set(item.get("state", ())) & set(_ANSWERS) for item in neighbours):
             return []
-        return [f"the gateway address {self.gateway} does not respond on {self.interface}"]
+        return [msg(f"the gateway address {arg(self.gateway)} does not respond on {arg(self.interface)}")]
 
     def _trigger_arp(self) -> None:
         """Send a packet so that the kernel resolves the gateway's hardware address into the neighbour table."""
@@ -299,29 +306,29 @@ class DesiredNetwork:
         program, package = _PROGRAMS[self.by]
         if not os.path.exists(computer.at(program)):
             raise ModuleError(
-                f"the inventory configures the network with {self.by}, which is not installed on this computer",
-                f"`apt-get install {package}` there, or set another `network: {{by: …}}`",
+                f"the inventory configures the network with {arg(self.by)}, which is not installed on this computer",
+                f"`apt-get install {arg(package)}` there, or set another `network: {{by: …}}`",
             )
         there = sorted(os.listdir(computer.at("/sys/class/net")))
         if self.interface not in there:
             others = ", ".join(name for name in there if name != "lo") or "none"
             raise ModuleError(
-                f"interface {self.interface} does not exist; existing interfaces: {others}",
+                f"interface {arg(self.interface)} does not exist; existing interfaces: {arg(others)}",
                 "correct `network: {interface: …}`",
             )
         complaint = {"netplan": self._by_netplan, "ifupdown": self._check_with_ifupdown, "networkd": self._by_networkd}[
             self.by
         ]
         if text := complaint(computer):
-            raise ModuleError(f"{self.by} rejects the new configuration: {text}", "nothing was changed")
+            raise ModuleError(f"{arg(self.by)} rejects the new configuration: {arg(text)}", "nothing was changed")
 
     def require_no_conflicts(self, computer: NetworkComputer) -> None:
         """Raise `ModuleError` if another file also configures the interface, even if ours exists already."""
         others = find_conflicting_files(computer, self.interface, self.path, frozenset(self.replaces))
         if others:
             path_list = ", ".join(others)
-            hint = f"to remove them with this change, set `replaces: [{path_list}]` in `network` of the host"
-            what = f"other files configure {self.interface}, too, and would conflict: {path_list}"
+            hint = msg(f"to remove them with this change, set `replaces: [{arg(path_list)}]` in `network` of the host")
+            what = msg(f"other files configure {arg(self.interface)}, too, and would conflict: {arg(path_list)}")
             raise ModuleError(what, hint)
         if self.path == INTERFACES and INTERFACES not in self.replaces:
             self._require_no_other_stanzas(computer)
@@ -334,8 +341,9 @@ class DesiredNetwork:
         if there:
             lost_entries = dict.fromkeys(f"{name} ({path})" for path, name in there)
             raise ModuleError(
-                f"{INTERFACES} is not ours; these interfaces would lose their entries: {', '.join(lost_entries)}",
-                f"if that is intended: `replaces: [{INTERFACES}]` in `network` of the host; otherwise set `by: "
+                f"{arg(INTERFACES)} is not ours; these interfaces would lose their entries: "
+                f"{arg(', '.join(lost_entries))}",
+                f"if that is intended: `replaces: [{arg(INTERFACES)}]` in `network` of the host; otherwise set `by: "
                 "networkd`",
             )
 
@@ -346,7 +354,9 @@ class DesiredNetwork:
         text, network_texts = generate_netplan(computer, {**texts, os.path.basename(self.path): self.content})
         if text or any(matches_interface(computer, item, self.interface) for item in network_texts):
             return text
-        return f"it configures nothing for {self.interface}; does another file in /etc/netplan set a `renderer`?"
+        return msg(
+            f"it configures nothing for {arg(self.interface)}; does another file in /etc/netplan set a `renderer`?"
+        )
 
     def _check_with_ifupdown(self, computer: NetworkComputer) -> str:
         with tempfile.NamedTemporaryFile("w", prefix="atlantis-interfaces-", encoding="utf-8") as file:
@@ -358,5 +368,7 @@ class DesiredNetwork:
     def _by_networkd(self, computer: NetworkComputer) -> str:
         """Return an error unless our file matches the interface; networkd has no check of its own."""
         return (
-            "" if matches_interface(computer, self.content, self.interface) else f"it does not match {self.interface}"
+            ""
+            if matches_interface(computer, self.content, self.interface)
+            else msg(f"it does not match {arg(self.interface)}")
         )

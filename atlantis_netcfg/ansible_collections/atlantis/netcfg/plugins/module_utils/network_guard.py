@@ -171,7 +171,8 @@ def boot(computer: NetworkComputer) -> None:
 
 
 def _close_change(computer: NetworkComputer, pending: Manifest, why: str) -> None:
-    computer.write(OUTCOME, json.dumps({"id": pending["id"], "confirmed": False, "why": why}))
+    values = {"id": pending["id"], "confirmed": False, "why": why, "texts": pending.get("texts", [])}
+    computer.write(OUTCOME, json.dumps(values))
     computer.remove(PENDING)
     computer.remove(APPLIED_PATH)
 

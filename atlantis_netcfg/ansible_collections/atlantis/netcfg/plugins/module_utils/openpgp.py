@@ -14,6 +14,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -111,7 +113,7 @@ def _new_length(data: bytes, at: int) -> tuple[int, int]:
 
 def _key(body: bytes) -> PublicKey:
     if body[0] != 4:  # noqa: PLR2004 - the version that every archive uses
-        raise NotAKey(f"it is a key of version {body[0]}")
+        raise NotAKey(msg(f"it is a key of version {arg(body[0])}"))
     creation_time = int.from_bytes(body[1:5], "big")
     digest = hashlib.sha1(b"\x99" + len(body).to_bytes(2, "big") + body)  # noqa: S324 - what a fingerprint is
     return PublicKey(digest.hexdigest().upper(), creation_time, creation_time, None)

@@ -7,6 +7,8 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 
+from atlantis_netcfg.core.messages import arg
+
 from .errors import ModuleError
 
 _LINES = 8
@@ -61,4 +63,6 @@ def require_success(result: ProgramResult, what: str, hint: str = "") -> None:
     """Raise ModuleError with the last output lines unless the program succeeded."""
     if result.code != 0:
         text = last_lines(result.output)
-        raise ModuleError(f"{what} (exit {result.code})" + (f":\n{text}" if text else " without output"), hint)
+        raise ModuleError(
+            f"{arg(what)} (exit {arg(result.code)})" + (f":\n{arg(text)}" if text else " without output"), hint
+        )

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Iterator, Mapping
 
+from atlantis_netcfg.core.messages import arg
+
 from .errors import ModuleError, as_module_error
 
 if TYPE_CHECKING:
@@ -63,22 +65,22 @@ def require_access(way_in: SshRequirements, tree: FileSystem, environment: Mappi
     result = client(environment)
     if result is not None and way_in.admit and not _is_admitted(result.address, way_in.admit):
         raise ModuleError(
-            f"you work from {result.address}, which could not log in afterwards: SSH would be allowed from "
-            f"{', '.join(way_in.admit)} only. Nothing was changed",
+            f"you work from {arg(result.address)}, which could not log in afterwards: SSH would be allowed from "
+            f"{arg(', '.join(way_in.admit))} only. Nothing was changed",
             way_in.hint,
         )
     if result is not None and way_in.port is not None and result.port != way_in.port:
         raise ModuleError(
-            f"your session uses port {result.port}, but SSH would be allowed on port {way_in.port} only. Nothing was "
-            "changed",
+            f"your session uses port {arg(result.port)}, but SSH would be allowed on port {arg(way_in.port)} only. "
+            "Nothing was changed",
             way_in.hint,
         )
     if way_in.key and not _has_key(tree, _account(environment)):
         account = _account(environment)
         raise ModuleError(
-            f"account {account} has no key to log in with, and passwords would no longer be accepted. Nothing was "
+            f"account {arg(account)} has no key to log in with, and passwords would no longer be accepted. Nothing was "
             "changed",
-            f"copy your key there first: `ssh-copy-id {account}@` and the name of this computer",
+            f"copy your key there first: `ssh-copy-id {arg(account)}@` and the name of this computer",
         )
 
 
@@ -124,7 +126,7 @@ def hold_lock(tree: FileSystem, environment: Mapping[str, str] = os.environ) -> 
         except BlockingIOError:
             holder = os.pread(handle, 200, 0).decode(errors="replace").strip()
             raise ModuleError(
-                f"another run is active on this computer: {holder or 'it has not written its name yet'}",
+                f"another run is active on this computer: {arg(holder or 'it has not written its name yet')}",
                 "wait until it ends, then run the same command again; a run that lost its connection continues for "
                 "a while",
             ) from None

@@ -23,6 +23,8 @@ import time
 from ipaddress import IPv4Address, ip_address, ip_network
 from typing import Any, Callable, Collection, Mapping, Sequence
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .errors import ModuleError
 from .programs import last_lines
 from .ssh_access import hold_lock
@@ -82,7 +84,7 @@ class SessionTermination:
             self.management = DOWN
         except (ManagementBusy, ConnectionEnd, IncompleteStatus) as silent:
             self.management = BUSY
-            self.messages.append(f"the server's sessions could not be listed: {silent}")
+            self.messages.append(msg(f"the server's sessions could not be listed: {arg(silent)}"))
         finally:
             while waits:
                 waits.pop()()
@@ -160,7 +162,9 @@ class ClientBlock:
         result = self._server.run(["nft", self.text]) if self._peers else None
         self.holds = result is None or result.code == 0
         return (
-            "" if self.holds or result is None else f"their packets are not blocked: nft: {last_lines(result.output)}"
+            ""
+            if self.holds or result is None
+            else msg(f"their packets are not blocked: nft: {arg(last_lines(result.output))}")
         )
 
     def end(self) -> None:
@@ -208,7 +212,7 @@ class ConntrackFlush:
                 )
                 self._started.append(process)
         except OSError as error:
-            self.messages.append(f"open connections were not deleted: conntrack: {error.strerror}")
+            self.messages.append(msg(f"open connections were not deleted: conntrack: {arg(error.strerror)}"))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -218,9 +222,9 @@ class ConntrackFlush:
             except subprocess.TimeoutExpired:
                 popen.kill()
                 popen.communicate()
-                text = f"timed out after {_CONNTRACK_S} s"
+                text = msg(f"timed out after {arg(_CONNTRACK_S)} s")
             if popen.returncode != 0 and " 0 flow entries" not in text:  # there were none
-                self.messages.append(f"open connections were not deleted: {text}")
+                self.messages.append(msg(f"open connections were not deleted: {arg(text)}"))
 
 
 class _StepLog:
@@ -239,7 +243,9 @@ class _StepLog:
         try:
             act(*arguments)
         except ModuleError as refused:
-            self.messages.append(f"{refused.message}; {refused.hint}" if refused.hint else refused.message)
+            self.messages.append(
+                msg(f"{arg(refused.message)}; {arg(refused.hint)}") if refused.hint else refused.message
+            )
             return False
         return True
 
@@ -352,13 +358,13 @@ def verify(
     theirs), `problems` (messages), `told`, and `management` (state of the management socket).
     """
     management, sessions = result if result is not None else server.sessions()[:2]
-    problems = [f"{name} is admitted" for name in server.list_admitted_names() if name in common_names]
+    problems = [msg(f"{arg(name)} is admitted") for name in server.list_admitted_names() if name in common_names]
     for path, digest in files.items():
         if _digest(server.tree.read(path) or b"") != digest:
-            problems.append(f"{path} does not have the expected content")
+            problems.append(msg(f"{arg(path)} does not have the expected content"))
     problems += _firewall_problems(server, addresses) if addresses else []
     there = [
-        f"{their['common_name']} has a session from {their['real']}"
+        msg(f"{arg(their['common_name'])} has a session from {arg(their['real'])}")
         for their in filter_sessions(sessions, common_names, addresses)
         if their["virtual"]  # a client that was refused is listed for five seconds more, without an address
     ]
@@ -370,7 +376,7 @@ def verify(
             if management == BUSY
             else "has no management socket, and it is unknown whether it is down"
         )
-        data.append(f"no session is confirmed as ended: the server {silent}")
+        data.append(msg(f"no session is confirmed as ended: the server {arg(silent)}"))
     return {
         "out": not problems,
         "dead": dead and not there,
@@ -389,7 +395,7 @@ def _firewall_problems(server: ManagedServer, addresses: Sequence[str]) -> list[
         return ["the firewall is not loaded"]
     networks = [ip_network(network) for network in inside]
     return [
-        f"the firewall lets {address} pass"
+        msg(f"the firewall lets {arg(address)} pass")
         for address in addresses
         if any(ip_address(address) in network for network in networks)
     ]

@@ -16,6 +16,8 @@ import socket
 import time
 from typing import Any, Dict, Iterable, Iterator
 
+from atlantis_netcfg.core.messages import arg, msg
+
 END = "END"
 Session = Dict[str, Any]
 """Keys: `cid`, `common_name` (`UNDEF` before the certificate), `real`, `virtual`, `since`, `received`, `sent`."""
@@ -36,12 +38,12 @@ def rows(lines: Iterable[str], kind: str = _KIND) -> Iterator[dict[str, str]]:
             names = fields[1:]
         elif first == kind:
             if names is None or len(fields) != len(names):
-                raise IncompleteStatus(f"a row of {kind} does not match its header: {line[:200]!r}")
+                raise IncompleteStatus(msg(f"a row of {arg(kind)} does not match its header: {arg(line[:200])!r}"))
             yield dict(zip(names, fields))
         has_end = has_end or first == END
     if names is None or not has_end:
         raise IncompleteStatus(
-            "the status is incomplete" if names is not None else f"the status has no header of {kind}"
+            "the status is incomplete" if names is not None else msg(f"the status has no header of {arg(kind)}")
         )
 
 
@@ -50,7 +52,7 @@ def sessions(lines: Iterable[str]) -> list[Session]:
     try:
         return [_session(row) for row in rows(lines)]
     except (KeyError, ValueError) as error:
-        raise IncompleteStatus(f"a row of {_KIND} is invalid: {error}") from error
+        raise IncompleteStatus(msg(f"a row of {arg(_KIND)} is invalid: {arg(error)}")) from error
 
 
 def parse_status_time(lines: Iterable[str]) -> int:
@@ -111,7 +113,7 @@ class ManagementSocket:
         while True:
             line = self._word(end)
             if line.startswith("ERROR:"):
-                raise ConnectionEnd(f"the server does not report its status: {line}")
+                raise ConnectionEnd(msg(f"the server does not report its status: {arg(line)}"))
             lines.append(line)
             if line == END:
                 return sessions(lines)
@@ -145,7 +147,9 @@ class ManagementSocket:
         try:
             self._socket.sendall(command.encode() + b"\n")
         except OSError as error:
-            raise ConnectionEnd(f"the server has closed its management socket: {error.strerror or error}") from error
+            raise ConnectionEnd(
+                msg(f"the server has closed its management socket: {arg(error.strerror or error)}")
+            ) from error
 
     def _word(self, end: float) -> str:
         """Return the next line that is not a notification: those begin with `>` and may come at any time."""
@@ -158,12 +162,12 @@ class ManagementSocket:
         while b"\n" not in self._buffer:
             ready, _, _ = select.select([self._socket], [], [], max(0.0, end - time.monotonic()))
             if not ready:
-                raise ManagementBusy(f"the management socket has not responded for {self._patience_s:g} s")
+                raise ManagementBusy(msg(f"the management socket has not responded for {arg(self._patience_s):g} s"))
             try:
                 got = self._socket.recv(_CHUNK)
             except OSError as error:
                 raise ConnectionEnd(
-                    f"the server has closed its management socket: {error.strerror or error}"
+                    msg(f"the server has closed its management socket: {arg(error.strerror or error)}")
                 ) from error
             if not got:
                 raise ConnectionEnd("the server has closed its management socket")
@@ -180,9 +184,9 @@ def open_socket(path: str, patience_s: float) -> Iterator[ManagementSocket]:
         try:
             connection.connect(_short(path))
         except (FileNotFoundError, ConnectionRefusedError) as error:
-            raise ServerDown(f"no server listens on {path}") from error
+            raise ServerDown(msg(f"no server listens on {arg(path)}")) from error
         except OSError as error:  # a full backlog among them: clients that wait before this one
-            raise ManagementBusy(f"{path} refuses the connection: {error.strerror or error}") from error
+            raise ManagementBusy(msg(f"{arg(path)} refuses the connection: {arg(error.strerror or error)}")) from error
         yield ManagementSocket(connection, patience_s)
 
 

@@ -25,6 +25,8 @@ import sys
 import zlib
 from typing import Any, Callable, Mapping, Sequence
 
+from atlantis_netcfg.core.stored_messages import pack
+
 from .desired_state import DesiredState
 from .errors import ModuleError, as_module_error
 from .file_transaction import FileTransaction, clear, unknown_paths
@@ -238,5 +240,5 @@ def _answer_request(line: bytes) -> dict[str, Any]:
 
 
 def _write_response(values: dict[str, Any]) -> None:
-    sys.stdout.buffer.write(MARK.encode() + pack_line(values) + b"\n")
+    sys.stdout.buffer.write(MARK.encode() + pack_line(pack(values)) + b"\n")
     sys.stdout.buffer.flush()

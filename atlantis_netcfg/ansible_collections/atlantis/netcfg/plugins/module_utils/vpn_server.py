@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from ipaddress import ip_address, ip_network, summarize_address_range
 from typing import Any, Callable, Iterable, Iterator
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from .errors import ModuleError
 from .filesystem import FileSystem, Stamps
 from .programs import ProgramResult, last_lines, run
@@ -86,14 +88,14 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
         _require_newer_crl(new, old)
     if new.begins > now:
         raise ModuleError(
-            f"by the server's clock ({_format_time(now)}) the new list of revoked certificates is not valid yet: "
+            f"by the server's clock ({arg(_format_time(now))}) the new list of revoked certificates is not valid yet: "
             "nobody could connect",
             "set the clocks: `date` on both computers, `timedatectl` on the server",
         )
     if new.ends <= now:
         raise ModuleError(
-            f"by the server's clock ({_format_time(now)}) the new list of revoked certificates has expired: nobody "
-            "could connect",
+            f"by the server's clock ({arg(_format_time(now))}) the new list of revoked certificates has expired: "
+            "nobody could connect",
             "check `date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
         )
     return new
@@ -103,14 +105,14 @@ def _require_newer_crl(new: Crl, old: Crl) -> None:
     lost_count = len(old.serials - new.serials)
     if new.number > old.number and not lost_count:
         return
-    why = f"has number {new.number}, but the server has number {old.number}"
+    why = msg(f"has number {arg(new.number)}, but the server has number {arg(old.number)}")
     if new.number == old.number:
-        why = f"has number {new.number} like the server's, but differs from it"
+        why = msg(f"has number {arg(new.number)} like the server's, but differs from it")
     elif new.number > old.number:
-        why = f"lacks {lost_count} of the certificates that are revoked on the server"
+        why = msg(f"lacks {arg(lost_count)} of the certificates that are revoked on the server")
     raise ModuleError(
-        f"the new list of revoked certificates {why}: a revoked member could connect again",
-        f"this is not the newest copy of the authority: find the one that made list {old.number}; `provision vpn "
+        f"the new list of revoked certificates {arg(why)}: a revoked member could connect again",
+        f"this is not the newest copy of the authority: find the one that made list {arg(old.number)}; `provision vpn "
         "status` shows what the server knows beyond this copy, and what to do if the newest copy is lost",
     )
 
@@ -149,7 +151,7 @@ class Firewall:
         if result.code != 0:
             raise ModuleError(
                 "the firewall of the VPN could not be loaded and is unchanged (exit "
-                f"{result.code}):\n{last_lines(result.output)}",
+                f"{arg(result.code)}):\n{arg(last_lines(result.output))}",
                 "on the server, `nft -c -f` with the file's name shows more",
             )
 
@@ -198,11 +200,13 @@ def _objects(result: ProgramResult) -> list[dict[str, Any]] | None:
     if result.code != 0:
         if "No such file or directory" in result.output:
             return None
-        raise ModuleError(f"nft failed (exit {result.code}):\n{last_lines(result.output)}", "install nftables")
+        raise ModuleError(
+            f"nft failed (exit {arg(result.code)}):\n{arg(last_lines(result.output))}", "install nftables"
+        )
     try:
         return list(json.loads(result.output)["nftables"])
     except (ValueError, KeyError, TypeError) as error:
-        raise ModuleError(f"nft returned invalid JSON: {last_lines(result.output)}", "") from error
+        raise ModuleError(f"nft returned invalid JSON: {arg(last_lines(result.output))}", "") from error
 
 
 def _networks(elements: Iterable[Any]) -> list[str]:

@@ -61,6 +61,8 @@ from typing import IO, Any, Iterator, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from ..module_utils.errors import ModuleError, as_module_error
 
 FOLDER = "/var/lib/atlantis/bundle"
@@ -126,7 +128,7 @@ class BundleStore:
                 self._refuse_if_full({item.sha256: item.size for item in result if item.sha256 in missing})
                 return BundleStatus(False, True, missing, ())
             self._assemble_folder(name, result)
-            return BundleStatus(True, True, (), (f"bundle {name} assembled", *self._prune(name, result)))
+            return BundleStatus(True, True, (), (msg(f"bundle {arg(name)} assembled"), *self._prune(name, result)))
 
     def _listed_files(self, name: str) -> tuple[StoredFile, ...] | None:
         try:
@@ -199,8 +201,8 @@ class BundleStore:
         needed_bytes, free = 2 * sum(missing.values()) + _ROOM, shutil.disk_usage(place).free
         if missing and free < needed_bytes:
             raise ModuleError(
-                f"the bundle needs {needed_bytes / 1000000.0:.0f} MB on the computer, but {free / 1000000.0:.0f} MB "
-                "are free",
+                f"the bundle needs {arg(needed_bytes / 1000000.0):.0f} MB on the computer, but "
+                f"{arg(free / 1000000.0):.0f} MB are free",
                 "free some space, for example with `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` "
                 "shows where",
             )
@@ -230,7 +232,7 @@ class BundleStore:
                 continue
             shutil.rmtree(path)
             if not entry.startswith("."):
-                yield f"bundle {entry} removed"
+                yield msg(f"bundle {arg(entry)} removed")
         for place, stays in ((self._store, needed_hashes), (self._incoming, set())):
             for entry in os.listdir(place):
                 if entry not in stays:

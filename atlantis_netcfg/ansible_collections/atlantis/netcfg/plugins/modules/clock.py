@@ -44,6 +44,8 @@ from typing import Callable
 
 from ansible.module_utils.basic import AnsibleModule
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from ..module_utils.errors import ModuleError
 from ..module_utils.programs import ProgramResult, is_there, run
 
@@ -76,7 +78,7 @@ class Clock:
         """Set the clock to `now`, in seconds since 1970, unless it is near or synchronised. Raises ModuleError."""
         if now < _OLDEST.timestamp():
             raise ModuleError(
-                f"this laptop's clock is wrong ({_format_time(now)}): it cannot be used to set another clock",
+                f"this laptop's clock is wrong ({arg(_format_time(now))}): it cannot be used to set another clock",
                 "set your own computer's clock, then run the same command again",
             )
         was = self.read()
@@ -85,20 +87,26 @@ class Clock:
         off = _describe_offset(was - now)
         if self._follows():
             self.notes.append(
-                f"its clock is {off} of your computer's and follows a time server: check your computer's clock"
+                msg(
+                    f"its clock is {arg(off)} {'ahead' if was > now else 'behind'} of your computer's and follows a "
+                    "time server: check your computer's clock"
+                )
             )
             return
         if not self.check:
-            self._set(now, off)
-        self.changes.append(f"clock set: it was {off} ({_format_time(was)})")
+            self._set(now, was)
+        self.changes.append(
+            msg(f"clock set: it was {arg(off)} {'ahead' if was > now else 'behind'} ({arg(_format_time(was))})")
+        )
 
-    def _set(self, now: float, off: str) -> None:
+    def _set(self, now: float, was: float) -> None:
         try:
             self.write(now)
         except OSError as error:
+            off = _describe_offset(was - now)
             raise ModuleError(
-                f"the clock of this computer is {off}, and cannot be set here: {error.strerror}. Keys and "
-                "certificates do not work with such a clock",
+                f"the clock of this computer is {arg(off)} {'ahead' if was > now else 'behind'}, and cannot be set "
+                f"here: {arg(error.strerror)}. Keys and certificates do not work with such a clock",
                 "a container uses the clock of its computer: set it there, or give the container CAP_SYS_TIME",
             ) from error
         for keep in (["hwclock", "--systohc", "--utc"], ["fake-hwclock", "save"]):
@@ -111,9 +119,8 @@ class Clock:
 
 
 def _describe_offset(seconds: float) -> str:
-    word = "ahead" if seconds > 0 else "behind"
     size = abs(seconds)
-    return f"{size / _DAY_S:.0f} days {word}" if size >= 2 * _DAY_S else f"{size:.0f} s {word}"
+    return msg(f"{arg(size / _DAY_S):.0f} days" if size >= 2 * _DAY_S else f"{arg(size):.0f} s")
 
 
 def _format_time(moment: float) -> str:

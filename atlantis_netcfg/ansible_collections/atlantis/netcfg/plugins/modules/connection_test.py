@@ -65,6 +65,8 @@ from typing import Any, Callable
 
 from ansible.module_utils.basic import AnsibleModule
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from ..module_utils.build_messages import error_lines
 from ..module_utils.errors import ModuleError
 from ..module_utils.filesystem import FileSystem, Stamps
@@ -106,30 +108,32 @@ class SmokeTest:
         stamps, digests = Stamps(tree), self._digests(tree)
         if stamps.holds(_STAMP, digests):
             return TestVerdict(
-                "SKIP", f"{name} has already been started with this build and this configuration", worth=False
+                "SKIP", msg(f"{arg(name)} has already been started with this build and this configuration"), worth=False
             )
         if check:
-            return TestVerdict("SKIP", f"{name} is not started in a plan run", worth=False)
+            return TestVerdict("SKIP", msg(f"{arg(name)} is not started in a plan run"), worth=False)
         result = run(["ip", "-4", "-oneline", "address", "show", "dev", self.interface])
         if result.code != 0 or " inet " not in result.output:
-            words = f"{name} was not started: {self.interface}, the VPN's interface, has no address yet"
+            words = msg(f"{arg(name)} was not started: {arg(self.interface)}, the VPN's interface, has no address yet")
             return TestVerdict("SKIP", words, worth=True)
         for path in (self.program, self.config):
             if tree.find(path) is None:
                 raise ModuleError(
-                    f"the build does not contain {path}", "compare `connection_test:` with the partner's examples"
+                    f"the build does not contain {arg(path)}", "compare `connection_test:` with the partner's examples"
                 )
         result = run(self._command(tree))
         if result.code not in (0, _STILL_RUNS):
             raise ModuleError(
-                f"FAIL: {name} exited with {result.code} after its start:\n{error_lines(result.output)}",
+                f"FAIL: {arg(name)} exited with {arg(result.code)} after its start:\n{arg(error_lines(result.output))}",
                 "the server C4i and its ROS interface must run at the SCC; send this output to the partner who made "
                 "the example",
             )
         stamps.note(_STAMP, digests)
-        ran = f"ran for {self.seconds} s" if result.code == _STILL_RUNS else "ran, and ended by itself,"
+        ran = msg(f"ran for {arg(self.seconds)} s") if result.code == _STILL_RUNS else "ran, and ended by itself,"
         remark = "only a person at the SCC can see whether TEST_ROBOT is connected there"
-        return TestVerdict("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {remark}", worth=True)
+        return TestVerdict(
+            "INCONCLUSIVE", msg(f"INCONCLUSIVE: {arg(name)} {arg(ran)} without an error; {arg(remark)}"), worth=True
+        )
 
     def _command(self, tree: FileSystem) -> list[str]:
         command = ["systemd-run", "--quiet", "--collect", "--wait", "--pipe", f"--uid={self.user}"]

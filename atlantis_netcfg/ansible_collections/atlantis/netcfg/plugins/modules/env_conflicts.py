@@ -50,6 +50,8 @@ from typing import Iterator, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from ..module_utils.errors import ModuleError
 from ..module_utils.filesystem import FileSystem
 
@@ -96,8 +98,10 @@ def contradicting(tree: FileSystem, variables: Mapping[str, str], ours: frozense
 
 def note(setting: Setting, why: str) -> str:
     """Describe a setting, why it is a problem, and how to remove it."""
-    place = f"line {setting.line} of {setting.path}"
-    return f"{place} sets {setting.name}={setting.value}: {why}; remove that line and log in again"
+    place = msg(f"line {arg(setting.line)} of {arg(setting.path)}")
+    return msg(
+        f"{arg(place)} sets {arg(setting.name)}={arg(setting.value)}: {arg(why)}; remove that line and log in again"
+    )
 
 
 def _places(tree: FileSystem) -> Iterator[str]:

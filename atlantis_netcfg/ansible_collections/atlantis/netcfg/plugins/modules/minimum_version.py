@@ -52,9 +52,12 @@ hint:
 
 import re
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, Callable
 
 from ansible.module_utils.basic import AnsibleModule
+
+from atlantis_netcfg.core.messages import arg, msg
 
 from ..module_utils.errors import ModuleError
 from ..module_utils.programs import ProgramResult, run
@@ -90,19 +93,20 @@ def require_minimum_version(
     match = re.match(r"\S+ (\d+(?:\.\d+)+)", result.output)
     if match is None:
         raise ModuleError(
-            f"{floor.program} does not report its version, so it is not started",
-            f"check `{floor.program} --version` on that computer; its package is {floor.package}",
+            f"{arg(floor.program)} does not report its version, so it is not started",
+            f"check `{arg(floor.program)} --version` on that computer; its package is {arg(floor.package)}",
         )
     upstream = match[1]
     package = run(["dpkg-query", "--show", "--showformat=${Version}", floor.package])
     version = package.output.strip() if package.code == 0 and _upstream(package.output) == upstream else ""
     if _passes(floor, upstream, version, run):
         return version or upstream
-    fixed_versions = " or ".join(text for branch in floor.branches for text in (branch.upstream, *branch.packages))
+    versions = [text for branch in floor.branches for text in (branch.upstream, *branch.packages)]
+    fixed_versions = reduce(lambda first, other: msg(f"{arg(first)} or {arg(other)}"), versions)
     raise ModuleError(
-        f"{floor.package} {version or upstream} has known vulnerabilities: {fixed_versions} or later is needed. It "
-        "was not started",
-        f"on that computer: `apt-get update && apt-get install {floor.package}`; if its distribution has nothing "
+        f"{arg(floor.package)} {arg(version or upstream)} has known vulnerabilities: {arg(fixed_versions)} or later "
+        "is needed. It was not started",
+        f"on that computer: `apt-get update && apt-get install {arg(floor.package)}`; if its distribution has nothing "
         "newer, upgrade to a newer release",
     )
 

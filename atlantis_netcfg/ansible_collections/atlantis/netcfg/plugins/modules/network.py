@@ -83,6 +83,8 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
+from atlantis_netcfg.core.messages import arg, msg
+
 from ..module_utils.errors import ModuleError
 from ..module_utils.network_change import BACK, NetworkChange
 from ..module_utils.network_desired import DesiredNetwork
@@ -131,10 +133,10 @@ def _describe_outcome(values: dict[str, Any]) -> dict[str, Any]:
     if values["state"] == "confirmed":
         return values
     if values["state"] == "rolled back":
-        msg = f"the network change was rolled back, and everything is as before: {values['why']}"
-        return {**values, "rolled_back": True, "msg": msg, "hint": _AGAIN}
-    msg = f"outcome of the network change unknown: {values['why']}"
-    return {**values, "rolled_back": False, "msg": msg, "hint": _UNKNOWN}
+        text = msg(f"the network change was rolled back, and everything is as before: {arg(values['why'])}")
+        return {**values, "rolled_back": True, "msg": text, "hint": _AGAIN}
+    text = msg(f"outcome of the network change unknown: {arg(values['why'])}")
+    return {**values, "rolled_back": False, "msg": text, "hint": _UNKNOWN}
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from ansible.errors import AnsibleActionFail
 from ansible.parsing.vault import VaultLib, VaultSecretsContext
 from ansible.plugins.action import ActionBase
 
+from atlantis_netcfg.core import stored_messages
 from atlantis_netcfg.core.errors import REHEARSE, NetcfgError
 from atlantis_netcfg.core.processes.worker import end_if_orphaned, end_with_parent
 
@@ -68,7 +69,7 @@ class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
                 bool(self._task.check_mode),
                 str(self._task.args.get("part") or ""),
             )
-            result.update(self.perform(task))
+            result.update(stored_messages.pack(self.perform(task)))
         except NetcfgError as error:
             hint = (
                 f"\n{error.hint}".replace(REHEARSE, f"add `-e {request.REHEARSE_VARIABLE}=true`") if error.hint else ""

@@ -27,9 +27,11 @@ from ansible.plugins.action import ActionBase
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import prefetch
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
-from atlantis_netcfg.core import printable
+from atlantis_netcfg.core import printable, remote_messages
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.processes.remote_bundle import INSTALL, build
 from atlantis_netcfg.core.processes.worker import end_with_parent
+from atlantis_netcfg.core.stored_messages import pack
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -71,7 +73,7 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         request = self.request(name, parameters, variables)
         if (early_answer := prefetch.find_answer(variables, request)) is not None:
             return early_answer
-        values: dict[str, Any] = printable.clean(mask_secrets(self.call(name, request, variables), secrets))
+        values = clean_result(self.call(name, request, variables), secrets)
         return values | prefetch.discard(variables)
 
     def request(self, name: str, parameters: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
@@ -161,16 +163,19 @@ def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
             return without_ansible(reply)
     if "python" in values:
         is_there, required_version = (".".join(map(str, version)) for version in (values["python"], PYTHON))
-        words = f"this computer has Python {is_there}, and at least {required_version} is needed"
-        return {"failed": True, "msg": words, "hint": "that comes with Ubuntu 20.04 and Debian 11"}
+        words = msg(f"this computer has Python {arg(is_there)}, and at least {arg(required_version)} is needed")
+        return pack({"failed": True, "msg": words, "hint": "that comes with Ubuntu 20.04 and Debian 11"})
     if values["rc"] == _NOT_FOUND:
         last = _last_lines(str(values["stderr"]).split("\n"))
-        words = f"this computer has no Python where it is looked for: {last}"
+        words = msg(f"this computer has no Python where it is looked for: {arg(last)}")
         hint = "`apt-get install python3` on it; `ansible_python_interpreter` tells where it is otherwise"
-        return {"failed": True, "msg": words, "hint": hint}
+        return pack({"failed": True, "msg": words, "hint": hint})
     last = _last_lines([*lines, *str(values["stderr"]).split("\n")])
-    words = f"{name} was cut off on this computer (exit {values['rc']})" + (f":\n{last}" if last else " without output")
-    return {"failed": True, "msg": words, "hint": "type the same again: it goes on from whatever was left"}
+    words = msg(
+        f"{arg(name)} was cut off on this computer (exit {arg(values['rc'])})"
+        + (f":\n{arg(last)}" if last else " without output")
+    )
+    return pack({"failed": True, "msg": words, "hint": "type the same again: it goes on from whatever was left"})
 
 
 def without_ansible(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -182,6 +187,13 @@ def mask_secrets(result: Mapping[str, Any], secrets: Iterable[str]) -> dict[str,
     """Mask secrets as Ansible's own modules do; true, false and null are kept."""
     plain: dict[str, Any] = remove_values(dict(result), secrets)
     return plain | {key: value for key, value in result.items() if value is None or isinstance(value, bool)}
+
+
+def clean_result(result: Mapping[str, Any], secrets: Iterable[str]) -> dict[str, Any]:
+    """Mask secrets and escape control characters, also in the marked texts of messages."""
+    values: dict[str, Any] = printable.clean(mask_secrets({**result, "texts": None}, secrets))
+    del values["texts"]
+    return values | remote_messages.checked_texts(result, lambda text: str(remove_values(text, secrets)))
 
 
 def _last_lines(lines: list[str]) -> str:

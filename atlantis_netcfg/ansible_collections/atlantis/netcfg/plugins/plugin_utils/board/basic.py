@@ -12,6 +12,8 @@ import syslog
 import zlib
 from typing import Any, NoReturn
 
+from atlantis_netcfg.core.stored_messages import pack
+
 MARK = "ATLANTIS-RESULT "
 
 
@@ -49,7 +51,7 @@ class AnsibleModule:
 
 def tell_result(result: dict[str, Any]) -> None:
     """Print the result as the last line of this program."""
-    text = json.dumps(result, ensure_ascii=False, separators=(",", ":"))
+    text = json.dumps(pack(result), ensure_ascii=False, separators=(",", ":"))
     sys.stdout.flush()
     sys.stdout.buffer.write(f"\n{MARK}{text}\n".encode("utf-8", "replace"))
     sys.stdout.buffer.flush()

@@ -18,11 +18,12 @@ import os
 import runpy
 import sys
 import tempfile
+import types
 import zipfile
 from typing import Any
 
-WORDS = "atlantis/module_utils/errors.py"
-"""File in the tool that turns operating system errors into plain messages."""
+MODULES = ("atlantis_netcfg.core.messages", "atlantis_netcfg.core.stored_messages", "atlantis.module_utils.errors")
+"""Modules of the tool that turn operating system errors into messages; each needs those before it."""
 
 
 def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
@@ -38,13 +39,20 @@ def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
     try:
         _install_file(folder, name, tool)
     except OSError as error:
-        words: dict[str, Any] = {"__name__": "errors"}
-        exec(zipfile.ZipFile(io.BytesIO(tool)).read(WORDS), words)  # noqa: S102 - what has just been compared
-        failure = words["as_module_error"](error, folder)
-        _fail(mark, failure.message, failure.hint)
+        archive = zipfile.ZipFile(io.BytesIO(tool))
+        _, stored_messages, errors = (_load(archive, name) for name in MODULES)
+        failure = errors.as_module_error(error, folder)
+        _fail(mark, failure.message, failure.hint, **stored_messages.marked_texts([failure.message, failure.hint]))
     _sweep(folder, name)
     sys.argv = [os.path.join(folder, name), module]
     runpy.run_path(sys.argv[0], run_name="__main__")
+
+
+def _load(archive: zipfile.ZipFile, name: str) -> Any:  # noqa: ANN401 - its attributes are not known here
+    """Import a module of the tool from memory: the disk may be full."""
+    module = sys.modules[name] = types.ModuleType(name)
+    exec(archive.read(f"{name.replace('.', '/')}.py"), module.__dict__)  # noqa: S102 - what has just been compared
+    return module
 
 
 def _install_file(folder: str, name: str, content: bytes) -> None:
@@ -86,8 +94,9 @@ def _sweep(folder: str, name: str) -> None:
                     os.close(handle)
 
 
-def _fail(mark: str, message: str, hint: str) -> None:
-    print(f"\n{mark}{json.dumps({'failed': True, 'msg': message, 'hint': hint, 'changes': []})}")  # noqa: T201
+def _fail(mark: str, message: str, hint: str, **more: object) -> None:
+    result = {"failed": True, "msg": message, "hint": hint, "changes": [], **more}
+    print(f"\n{mark}{json.dumps(result)}")  # noqa: T201 - as a module reports
     sys.exit(1)
 
 
