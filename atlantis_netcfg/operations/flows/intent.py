@@ -12,6 +12,7 @@ from functools import cached_property
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed_targets
 from atlantis_netcfg.routeros.render import view
@@ -62,9 +63,10 @@ class PacketFlow:
     """TCP flags that no connection begins with."""
 
     def __str__(self) -> str:
-        what = "ping" if self.protocol == "icmp" else f"{self.protocol} {self.port}"
-        what += (f" with DSCP {self.dscp}" if self.dscp else "") + (" with impossible flags" if self.is_broken else "")
-        return f"{self.source.name} to {self.destination.name}, {what}"
+        what = msg("ping") if self.protocol == "icmp" else f"{self.protocol} {self.port}"
+        if self.dscp or self.is_broken:
+            what = msg(f"{arg(what)} with DSCP {arg(self.dscp)}" if self.dscp else f"{arg(what)} with impossible flags")
+        return msg(f"{arg(self.source.name)} to {arg(self.destination.name)}, {arg(what)}")
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.emulator.routeros.dataplane import bench, packets
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.flows import intent as intents
@@ -23,7 +24,6 @@ _STRANGERS: Final = (IPv4Address("198.51.100.200"), IPv4Address("192.0.2.77"))
 """Addresses of nobody (RFC 5737)."""
 _EVERYBODY: Final = IPv4Address("255.255.255.255")
 _NARROW_MSS: Final = 1300
-_DEFAULT_ROUTE: Final = "0.0.0.0/0 table 254 "
 _FIRST_PORT: Final = 20_000
 """Lowest port of those who begin flows."""
 
@@ -43,11 +43,11 @@ class Outcome:
     def __str__(self) -> str:
         words = (
             self.place,
-            f"from {self.source}" if self.source is not None else "",
-            f"with MSS {self.mss}" if self.mss else "",
-            "marked" if self.is_first else "",
+            msg(f"from {arg(self.source)}") if self.source is not None else "",
+            msg(f"with MSS {arg(self.mss)}") if self.mss else "",
+            msg("marked") if self.is_first else "",
         )
-        return " ".join(filter(None, words))
+        return join(" ", filter(None, words))
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ def try_flows(
     `state`: the router's rows, with the tunnel up.
     """
     intent = RouterIntent(inventory, host, link)
-    namespace.apply(_with_link_in_use(state, intent))
+    namespace.apply(state.with_default_route(link.gateway, intent.link_ports[link.name]))
     flows = list(_flows(intent))
     expected = [_expected(intent, flow) for flow in flows]
     with bench.PacketBench(namespace, _neighbours(intent)) as stand:
@@ -107,14 +107,6 @@ def try_flows(
         if found != ((wanted := _expected_reply(intent, flows[number])),)
     ]
     return MatrixResult(host.name, link.name, len(flows), len(good), len(replies), (*first, *second))
-
-
-def _with_link_in_use(state: NetworkState, intent: RouterIntent) -> NetworkState:
-    """Lead the default route over the link, as after a change of link."""
-    port = intent.link_ports[intent.link.name]
-    default = f"{_DEFAULT_ROUTE}metric 1 via {intent.link.gateway} dev {port} onlink"
-    others = (route for route in state.routes if not route.startswith(_DEFAULT_ROUTE))
-    return replace(state, routes=(*others, default))
 
 
 # --- packets -------------------------------------------------------------------------------------------------------
@@ -215,23 +207,23 @@ def _stations(intent: RouterIntent) -> Iterator[Station]:
     """Yield the stations that exist: each of them sends and is sent to."""
     site, ports = intent.site, intent.link_ports
     for address in sorted(intent.own_hosts)[:2]:
-        yield Station(f"own host {address}", address, Area.LAN, intent.lan_port)
+        yield Station(msg(f"own host {arg(address)}"), address, Area.LAN, intent.lan_port)
     guests = [item.address for item in site.lan.reservations if item.address not in intent.own_hosts]
     for address in [*guests[:2], site.lan.dhcp.first]:
-        yield Station(f"LAN guest {address}", address, Area.LAN, intent.lan_port)
+        yield Station(msg(f"LAN guest {arg(address)}"), address, Area.LAN, intent.lan_port)
     if intent.management_port is not None:
-        yield Station("technician", site.management.technician, Area.MANAGEMENT, intent.management_port)
+        yield Station(msg("technician"), site.management.technician, Area.MANAGEMENT, intent.management_port)
     for served in site.served_links:
-        yield Station(f"far end of {served.name}", _other(served), Area.SERVED, ports[served.name])
+        yield Station(msg(f"far end of {arg(served.name)}"), _other(served), Area.SERVED, ports[served.name])
     yield from _members(intent)
     outside = [*_STRANGERS, *(server.address for server in intent.inventory.pilot.time_servers)]
     endpoint = intent.inventory.pilot.vpn.endpoint
     if endpoint not in {link.address for link in site.bearers}:
         outside.append(endpoint)
     for address in dict.fromkeys(outside):
-        yield Station(f"internet {address}", address, Area.INTERNET, ports[intent.link.name])
+        yield Station(msg(f"internet {arg(address)}"), address, Area.INTERNET, ports[intent.link.name])
     for link in site.bearers:
-        yield Station(f"next hop of {link.name}", link.gateway, Area.INTERNET, ports[link.name])
+        yield Station(msg(f"next hop of {arg(link.name)}"), link.gateway, Area.INTERNET, ports[link.name])
 
 
 def _members(intent: RouterIntent) -> Iterator[Station]:
@@ -249,7 +241,7 @@ def _members(intent: RouterIntent) -> Iterator[Station]:
     ]
     for network in dict.fromkeys(networks):
         address = network[200 if network.num_addresses > 256 else 20]  # noqa: PLR2004 - a /24
-        yield Station(f"VPN {address}", address, Area.VPN, port)
+        yield Station(msg(f"VPN {arg(address)}"), address, Area.VPN, port)
 
 
 def _other(link: model.ServedLink) -> IPv4Address:
@@ -258,15 +250,15 @@ def _other(link: model.ServedLink) -> IPv4Address:
 
 def _routers(intent: RouterIntent) -> Iterator[Station]:
     site, ports = intent.site, intent.link_ports
-    yield Station("router in the LAN", site.lan.gateway, Area.ROUTER, intent.lan_port)
+    yield Station(msg("router in the LAN"), site.lan.gateway, Area.ROUTER, intent.lan_port)
     if intent.management_port is not None:
         address = intent.router.access.address
-        yield Station("router at the technician's port", address, Area.ROUTER, intent.management_port)
+        yield Station(msg("router at the technician's port"), address, Area.ROUTER, intent.management_port)
     addresses = {link.name: link.address for link in site.bearers} | {
         link.name: link.address for link in site.served_links
     }
     for name, address in addresses.items():
-        yield Station(f"router at {name}", address, Area.ROUTER, ports[name])
+        yield Station(msg(f"router at {arg(name)}"), address, Area.ROUTER, ports[name])
 
 
 def _impostors(intent: RouterIntent) -> Iterator[Station]:
@@ -277,17 +269,17 @@ def _impostors(intent: RouterIntent) -> Iterator[Station]:
         places = {other.area: other.port for other in stations.values() if other.port != station.port}
         for place, port in places.items():
             if area is not Area.INTERNET:
-                yield Station(f"{station.name} as seen from {place.value}", station.address, place, port)
+                yield Station(msg(f"{arg(station.name)} as seen from {arg(place.value)}"), station.address, place, port)
     for link in site.bearers:
-        yield Station(f"stranger at {link.name}", _STRANGERS[1], Area.INTERNET, ports[link.name])
-        yield Station(f"LAN address at {link.name}", site.lan.network[30], Area.INTERNET, ports[link.name])
+        yield Station(msg(f"stranger at {arg(link.name)}"), _STRANGERS[1], Area.INTERNET, ports[link.name])
+        yield Station(msg(f"LAN address at {arg(link.name)}"), site.lan.network[30], Area.INTERNET, ports[link.name])
 
 
 def _flows(intent: RouterIntent) -> Iterator[PacketFlow]:
     stations = list(_stations(intent))
-    everybody = Station("everybody in the LAN", _EVERYBODY, Area.ROUTER, intent.lan_port)
+    everybody = Station(msg("everybody in the LAN"), _EVERYBODY, Area.ROUTER, intent.lan_port)
     yield PacketFlow(
-        Station("LAN host without address", intents.UNSPECIFIED, Area.LAN, intent.lan_port),
+        Station(msg("LAN host without address"), intents.UNSPECIFIED, Area.LAN, intent.lan_port),
         everybody,
         "udp",
         intents.DHCP_SERVER,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import TypeAdapter
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import hosts as machines
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespace
@@ -61,7 +61,7 @@ def _fields(results: Sequence[matrix.MatrixResult], untranslated: Sequence[str])
         "tried": total,
         "arrived": sum(result.passed for result in results),
         "links": [result.link for result in results],
-        "differences": [f"{link}: {describe(difference)}" for link, difference in differences[:_SHOWN]],
+        "differences": [msg(f"{arg(link)}: {arg(describe(difference))}") for link, difference in differences[:_SHOWN]],
         "not_rehearsed": list(untranslated),
     }
     if not differences:
@@ -85,8 +85,8 @@ def _passed(results: Sequence[matrix.MatrixResult]) -> str:
 
 def describe(difference: matrix.Difference) -> str:
     """Return what a flow did, and what it should have done."""
-    flow = msg(f"the reply to {arg(difference.flow)}") if difference.is_reply else str(difference.flow)
-    actual = ", ".join(map(str, difference.actual))
+    flow = msg(f"the reply to {arg(difference.flow)}" if difference.is_reply else f"{arg(difference.flow)}")
+    actual = join(", ", difference.actual)
     if difference.expected is None:
         return msg(f"{arg(flow)}: arrives at {arg(actual)}, but has to be dropped")
     if not difference.actual:

@@ -6,7 +6,7 @@ Interfaces keep their names where Linux can have them; routes are those that are
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.emulator.routeros.dataplane import ruleset
@@ -14,6 +14,7 @@ from atlantis_netcfg.emulator.routeros.network.topology import MAIN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
+    from ipaddress import IPv4Address
 
     from atlantis_netcfg.emulator.routeros.network.topology import Route, Topology
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
@@ -46,6 +47,12 @@ class NetworkState:
     firewall: str
     untranslated: tuple[str, ...]
     """Rows that Linux cannot stand for, one line each."""
+
+    def with_default_route(self, gateway: IPv4Address, device: str) -> NetworkState:
+        """Return the state in which the main table's default route leads over one link."""
+        default = f"0.0.0.0/0 table {_MAIN_TABLE} "
+        others = (route for route in self.routes if not route.startswith(default))
+        return replace(self, routes=(*others, f"{default}metric 1 via {gateway} dev {device} onlink"))
 
 
 def devices_of(topology: Topology) -> dict[int, str]:
