@@ -13,6 +13,8 @@ what is gone stay at the end of the file (`#~`), and come back when the message 
 from __future__ import annotations
 
 import ast
+import errno
+import os
 import re
 import sys
 from datetime import UTC, datetime
@@ -140,7 +142,19 @@ SHOWN_NAMES = _set("""
 """Classes and tables whose texts are messages even where they are a single word."""
 MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
+OF_THE_SYSTEM = tuple(
+    form
+    for number in (
+        *(errno.ENOENT, errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENOTEMPTY),
+        *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EBUSY, errno.ENODEV, errno.ENXIO, errno.EMFILE),
+        *(errno.ECONNREFUSED, errno.ECONNRESET, errno.ETIMEDOUT, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.EPIPE),
+        *(errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.EINVAL, errno.ENAMETOOLONG, errno.ELOOP),
+    )
+    for form in (os.strerror(number), os.strerror(number)[:1].lower() + os.strerror(number)[1:])
+)
+"""What the system says of a file or a connection, at the beginning of a sentence and in it."""
 MADE = (
+    *OF_THE_SYSTEM,
     "not root",
     "add --rehearse",
     "infrastructure",

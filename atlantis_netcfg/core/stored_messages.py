@@ -45,11 +45,11 @@ def messages_by_text(value: object) -> dict[str, Message]:
 
 def put_back(value: Any, texts: Mapping[Any, Message]) -> Any:  # noqa: ANN401 - JSON of any shape
     """Return a value with these messages where their texts stand."""
-    if type(value) is str:
+    if type(value) in (str, Message):  # not a member of an enumeration of texts
         return texts.get(value, value)
     if isinstance(value, Mapping):
         return {name: put_back(entry, texts) for name, entry in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, (list, tuple)):
         return type(value)(put_back(entry, texts) for entry in value)
     if is_dataclass(value) and not isinstance(value, type):
         return replace(value, **put_back(_fields(value), texts))

@@ -137,10 +137,12 @@ def tell(
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
     """Format rows as aligned columns; the last column has its own width."""
     widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]) - 1)] if rows else []
-    return [
-        "  ".join([*(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False)), row[-1]]).rstrip()
-        for row in rows
-    ]
+    return [_table_row(row, widths) for row in rows]
+
+
+def _table_row(row: Sequence[str], widths: Sequence[int]) -> str:
+    cells = (f"{arg(cell):<{width + 2}}" for cell, width in zip(row, widths, strict=False))
+    return msg("".join(cells) + (f"{arg(row[-1])}" if row[-1] else ""))
 
 
 def server(arguments: syntax.Arguments, inventory: Inventory) -> Server:

@@ -138,7 +138,7 @@ def run_vpn_list(arguments: syntax.Arguments) -> ExitCode:
 
     now = datetime.now(UTC)
     members = reports.of_partner(_common.open_authority(arguments).membership(), arguments.optional("partner"))
-    rows = [("name", "kind", "address", "until", "last seen", "state")]
+    rows = [(msg("name"), msg("kind"), msg("address"), msg("until"), msg("last seen"), msg("state"))]
     for member in members:
         until = reports.expires(member)
         last_seen = max(

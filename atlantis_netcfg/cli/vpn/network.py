@@ -213,11 +213,15 @@ def _lines(status: VpnStatus, members: Sequence[Member], now: datetime) -> Itera
     from atlantis_netcfg.vpn.reports import expires, status_of, when
 
     for entry in status.items:
-        yield f"{entry.verdict.value:<12} {entry.message}"
+        yield msg(f"{arg(entry.verdict.value):<12} {arg(entry.message)}")
         if entry.hint:
             yield from (f"{'':<12} {line}" for line in entry.hint.splitlines())
     up = {session.common_name: session for session in status.state.sessions if session.is_up} if status.state else {}
-    rows = [("member", "address", "until", "last seen", "session", "state")] if members else []
+    rows = (
+        [(msg("member"), msg("address"), msg("until"), msg("last seen"), msg("session"), msg("state"))]
+        if members
+        else []
+    )
     for member in members:
         until, names = expires(member), [item.common_name for item in member.certificates]
         last_seen = max(

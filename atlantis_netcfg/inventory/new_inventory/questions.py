@@ -190,7 +190,9 @@ class Interview:
                 raise InvalidAnswer("Type yes or no.")
             return word in YES
 
-        return self.prompter.answer(msg(f"{arg(self.block_name)}: {arg(text)}"), f"{text} (yes/no)", default, parse)
+        return self.prompter.answer(
+            msg(f"{arg(self.block_name)}: {arg(text)}"), msg(f"{arg(text)} (yes/no)"), default, parse
+        )
 
     def names(self, text: str, default: str, other: str = "") -> list[str]:
         """Ask for one or more distinct names."""

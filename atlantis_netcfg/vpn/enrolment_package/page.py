@@ -14,6 +14,7 @@ import re
 import textwrap
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
@@ -22,7 +23,7 @@ from markupsafe import Markup
 from atlantis_netcfg.computers.dds import MemberDds, ProfileView, member_files, member_view
 from atlantis_netcfg.computers.services import PROFILES
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import Message, arg, join, msg
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.routeros.render import environment
 from atlantis_netcfg.runs.report import page_frame
@@ -34,6 +35,8 @@ from atlantis_netcfg.vpn.server import tunnel_address
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    from jinja2 import Environment
 
     from atlantis_netcfg.inventory import Inventory
 
@@ -272,7 +275,7 @@ def page_view(
 
 def page(view: PageView) -> tuple[str, ...]:
     """Return the blocks of the page, in the current language."""
-    return _blocks(environment().get_template("handout/README.txt.j2").render(page=view))
+    return _blocks("README.txt.j2", page=view)
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,25 +294,33 @@ class CoverNote:
 
 def cover_note(view: PageView, note: CoverNote) -> str:
     """Return the text sent together with the sealed file; it contains no secret."""
-    return as_text(_blocks(environment().get_template("handout/cover-note.txt.j2").render(page=view, note=note)))
+    return as_text(_blocks("cover-note.txt.j2", page=view, note=note))
 
 
-def _blocks(text: str) -> tuple[str, ...]:
+def _blocks(template: str, **data: object) -> tuple[str, ...]:
+    text = _environment().get_template(f"handout/{template}").render(**data)
     return tuple(_translate_block(block.strip("\n")) for block in re.split(r"\n{2,}", text.strip("\n")))
 
 
+@cache
+def _environment() -> Environment:
+    """Return an environment in which every value is marked, as `arg` does it in an f-string."""
+    return environment().overlay(finalize=lambda value: str(arg(value)), bytecode_cache=None)
+
+
 def _translate_block(block: str) -> str:
-    """Translate a block: a list line by line, others as a whole; typed text stays as it is."""
+    """Translate a block of marked text: a list line by line, others as a whole; typed text stays as it is."""
     lines = block.split("\n")
-    if _is_typed(lines):
-        return block
-    if _is_heading(lines):
-        title = translate(lines[0])
-        return msg(f"{arg(title)}\n{arg(lines[1][0] * len(title))}")
-    if _is_list(lines):
+    plain = [str.__str__(Message(line)) for line in lines]
+    if _is_typed(plain):
+        return "\n".join(plain)
+    if _is_heading(plain):
+        title = translate(Message(lines[0]))
+        return f"{title}\n{plain[1][0] * len(title)}"
+    if _is_list(plain):
         items = " ".join(line.strip() if line.startswith(" ") else f"\n{line}" for line in lines).split("\n")
-        return "\n".join(f"- {translate(item.strip()[2:])}" for item in items if item.strip())
-    return translate(" ".join(lines))
+        return "\n".join(f"- {translate(Message(item.strip()[2:]))}" for item in items if item.strip())
+    return translate(Message(" ".join(lines)))
 
 
 BESIDE = ("install.sh", "restart.conf")

@@ -3,7 +3,7 @@
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.core import catalogue, language, messages, remote_messages
+from atlantis_netcfg.core import compiled_catalogue, language, messages, remote_messages
 from atlantis_netcfg.core.messages import Message, arg, msg
 from atlantis_netcfg.core.stored_messages import pack
 from atlantis_netcfg.core.translation import Translator
@@ -11,7 +11,9 @@ from atlantis_netcfg.core.translation import Translator
 
 def test_refused_module_is_shown_in_portuguese_with_its_values() -> None:
     portuguese = language.Language.PORTUGUESE
-    translator = Translator(catalogue.read(language.catalogue_file(portuguese)), language._CONTRACTIONS[portuguese])
+    translator = Translator(
+        compiled_catalogue.load(language.catalogue_file(portuguese)), language._CONTRACTIONS[portuguese]
+    )
     size = msg(f"{arg(1.25):.1f} {arg('GB')}")
     refused = ModuleError(
         f"the computer's disk is too full: {arg(size)} are needed at {arg('/var')}, {arg('0 bytes')} are free"
