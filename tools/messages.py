@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 from babel.messages.catalog import Catalog, Message
 from babel.messages.pofile import read_po, write_po
 
-from atlantis_netcfg.core.translation import numbered
+from atlantis_netcfg.core.translation import number_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -668,7 +668,7 @@ def conflicts(translations: Mapping[str, str]) -> list[str]:
     by_text: dict[str, str] = {}
     result = []
     for msgid, translation in translations.items():
-        text, numbered_translation = numbered(msgid, translation)
+        text, numbered_translation = number_values(msgid, translation)
         if by_text.setdefault(text, numbered_translation) != numbered_translation:
             result.append(msgid)
     return result

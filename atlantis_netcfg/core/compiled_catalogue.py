@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.translation import numbered
+from atlantis_netcfg.core.translation import number_values
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,7 +25,7 @@ _ENTRY = struct.Struct("<2I")
 _MAGIC = 0x950412DE
 METADATA = "Content-Type: text/plain; charset=UTF-8\n"
 _KEYS = 1
-"""Version of `numbered`: a file with keys of another one is not used."""
+"""Version of `number_values`: a file with keys of another one is not used."""
 _QUOTED_LINES = r'"[^"\\\n]*(?:\\.[^"\\\n]*)*"\n'
 _PO_ENTRY = rf"(?m)^((?:#.*\n)*)msgid ((?:{_QUOTED_LINES})+)msgstr ((?:{_QUOTED_LINES})+)"
 """Compiled when it is needed: that takes longer than a look-up."""
@@ -103,7 +103,7 @@ def _metadata(source: Path) -> str | None:
 
 def compile_catalogue(translations: Mapping[str, str], metadata: str = METADATA) -> bytes:
     """Return the content of a .mo file; the keys of `translations` are the msgids of a .po file."""
-    texts = {"": metadata, **dict(numbered(msgid, translation) for msgid, translation in translations.items())}
+    texts = {"": metadata, **dict(number_values(msgid, translation) for msgid, translation in translations.items())}
     columns = zip(*sorted((text.encode(), translation.encode()) for text, translation in texts.items()), strict=True)
     strings = [string for column in columns for string in column]
     tables = [_HEADER.size, _HEADER.size + len(texts) * _ENTRY.size]

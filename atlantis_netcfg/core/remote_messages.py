@@ -36,16 +36,16 @@ def checked_texts(result: Mapping[str, Any], mask: Callable[[str], str] = str) -
     the plain English text is all that is shown.
     """
     texts = result.get("texts")
-    checked = list(_check(texts, mask)) if isinstance(texts, list) else []
-    return {"texts": checked} if checked else {}
+    safe_texts = list(_check(texts, mask)) if isinstance(texts, list) else []
+    return {"texts": safe_texts} if safe_texts else {}
 
 
 def _check(texts: list[object], mask: Callable[[str], str]) -> Iterator[str]:
     for text in texts:
         if isinstance(text, str) and _is_simple(text):
-            masked = mask(text)
-            if str.__str__(messages.Message(masked)) == mask(str.__str__(messages.Message(text))):
-                yield _BETWEEN_MARKS.sub(lambda part: printable.lines(part[0]), masked)
+            masked_text = mask(text)
+            if str.__str__(messages.Message(masked_text)) == mask(str.__str__(messages.Message(text))):
+                yield _BETWEEN_MARKS.sub(lambda part: printable.lines(part[0]), masked_text)
 
 
 def _is_simple(text: str) -> bool:

@@ -19,7 +19,7 @@ _PARSE = Formatter().parse
 _NUMBER_SIGNS = str.maketrans(".,", ",\N{NO-BREAK SPACE}")
 
 
-def numbered(msgid: str, translation: str) -> tuple[str, str]:
+def number_values(msgid: str, translation: str) -> tuple[str, str]:
     """Return both texts with `{0}`, `{1}`, … for the names of the values, in the order of the msgid."""
     names = [match[1] for match in _PLACEHOLDER.finditer(msgid) if match[1]]
     places, place_by_name = iter(range(len(names))), {name: place for place, name in enumerate(names)}
@@ -37,7 +37,7 @@ def _escape(text: str) -> str:
 class Translator:
     """The messages of one language.
 
-    `catalogue`: translations by text, with `{0}`, `{1}`, … for the values (`numbered`).
+    `catalogue`: translations by text, with `{0}`, `{1}`, … for the values (`number_values`).
     `contractions`: replacements for two words where a value begins with the second one, as `de o` becomes `do`.
     """
 

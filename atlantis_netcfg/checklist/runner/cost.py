@@ -44,7 +44,7 @@ _RATE: Final = {"tcp": 1_500, "udp": 3_000}
 """Bytes per second of a received stream: NMEA at 9600 baud or gpsd; a telemetry link of MAVLink."""
 _LEAST: Final = 4_096
 """Bytes of a device's response to a request."""
-_UNSOLICITED: Final = 100
+_REPORT_RATE: Final = 100
 """Bytes per second that a device reports by itself while a script waits for its response: about one USBL fix."""
 _RAN: Final = 1_500
 """Bytes that a read-only program prints."""
@@ -144,7 +144,7 @@ def refuse_unpaid(
 def _max_bytes(listen: Listen) -> int:
     rate = listen.baud / 10 if listen.transport == "serial" else _RATE[listen.transport]
     waits_s = sum(message.within_s for message in listen.say)
-    return min(listen.max_bytes, _LEAST + round(rate * listen.listen_s + _UNSOLICITED * waits_s))
+    return min(listen.max_bytes, _LEAST + round(rate * listen.listen_s + _REPORT_RATE * waits_s))
 
 
 def _answer_bytes(question: object) -> int:

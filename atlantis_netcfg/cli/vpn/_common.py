@@ -9,7 +9,7 @@ from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -141,8 +141,7 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _table_row(row: Sequence[str], widths: Sequence[int]) -> str:
-    cells = (f"{arg(cell):<{width + 2}}" for cell, width in zip(row, widths, strict=False))
-    return msg("".join(cells) + (f"{arg(row[-1])}" if row[-1] else ""))
+    return join("", (*(msg(f"{arg(cell):<{width + 2}}") for cell, width in zip(row, widths, strict=False)), row[-1]))
 
 
 def server(arguments: syntax.Arguments, inventory: Inventory) -> Server:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 DDS_QUESTION: Final = 1
 """DSCP of the echo by which a gateway asks whether DDS may cross the link in use."""
-UNSPECIFIED: Final = IPv4Address(0)
+NO_ADDRESS: Final = IPv4Address(0)
 """0.0.0.0: who has no address yet."""
 SSH: Final = 22
 DNS, DHCP_SERVER, NTP, HTTPS = 53, 67, 123, 443
@@ -34,13 +34,13 @@ class Area(Enum):
     ROUTER = "the router"
     LAN = "LAN"
     MANAGEMENT = "technician's port"
-    SERVED = "link to another site"
+    OTHER_SITE = "link to another site"
     VPN = "behind the VPN"
     INTERNET = "internet"
 
 
 @dataclass(frozen=True, slots=True)
-class Station:
+class FlowStation:
     """One end of a flow."""
 
     name: str
@@ -54,8 +54,8 @@ class Station:
 class PacketFlow:
     """What one station opens to another; `port` of ICMP (echo) is 0."""
 
-    source: Station
-    destination: Station
+    source: FlowStation
+    destination: FlowStation
     protocol: str
     port: int = 0
     dscp: int = 0
@@ -122,12 +122,12 @@ class RouterIntent:
     def remotes(self) -> tuple[IPv4Network, ...]:
         """Networks behind the VPN: tunnel addresses, LANs of other sites, and their technicians if admitted."""
         others = [site for name, site in self.inventory.sites.items() if name != self.host.site]
-        admitted = self.site.management.admit
+        prefixes = self.site.management.admit
         technicians = [site.management.network for site in others]
         return (
             self.inventory.pilot.vpn.network,
             *(site.lan.network for site in others),
-            *(network for network in technicians if any(prefix.overlaps(network) for prefix in admitted)),
+            *(network for network in technicians if any(prefix.overlaps(network) for prefix in prefixes)),
         )
 
     @cached_property
@@ -148,7 +148,7 @@ class RouterIntent:
         if destination is Area.ROUTER:
             return self._may_speak_to_router(flow)
         if destination is Area.INTERNET:
-            return source in {Area.LAN, Area.MANAGEMENT, Area.SERVED} and self._may_leave(flow)
+            return source in {Area.LAN, Area.MANAGEMENT, Area.OTHER_SITE} and self._may_leave(flow)
         return self._may_go_inside(flow)
 
     def _may_go_inside(self, flow: PacketFlow) -> bool:
@@ -158,22 +158,22 @@ class RouterIntent:
             return destination is Area.VPN and self._may_enter_vpn(flow)
         if source is Area.MANAGEMENT:
             # Beside the server, technicians also reach what is behind it.
-            return destination in {Area.LAN, Area.SERVED} or (destination is Area.VPN and self.has_server)
+            return destination in {Area.LAN, Area.OTHER_SITE} or (destination is Area.VPN and self.has_server)
         return source is Area.VPN and destination is Area.LAN and self.tunnel is not None
 
-    def belongs(self, source: Station) -> bool:
+    def belongs(self, source: FlowStation) -> bool:
         """Return whether an address is where packets with it may come from."""
-        if source.area is Area.ROUTER or source.address == UNSPECIFIED:
+        if source.area is Area.ROUTER or source.address == NO_ADDRESS:
             return source.area in {Area.ROUTER, Area.LAN}  # without address: it asks for one
         networks = {
             Area.LAN: (self.site.lan.network,),
             Area.MANAGEMENT: (self.site.management.network,),
-            Area.SERVED: tuple(link.network for link in self.site.served_links),
+            Area.OTHER_SITE: tuple(link.network for link in self.site.served_links),
             Area.VPN: self.remotes,
         }
         if source.area is Area.INTERNET:
-            served = (link.network for link in self.site.served_links)
-            inner = (self.site.lan.network, self.site.management.network, *self.remotes, *served)
+            radio_networks = (link.network for link in self.site.served_links)
+            inner = (self.site.lan.network, self.site.management.network, *self.remotes, *radio_networks)
             return not any(source.address in network for network in inner)
         return any(source.address in network for network in networks[source.area])
 
@@ -182,15 +182,15 @@ class RouterIntent:
         management = {("tcp", SSH), ("tcp", self.api_port), ("icmp", 0)}
         if what in management and self._may_manage(source):
             return True
-        if source.address == UNSPECIFIED:
+        if source.address == NO_ADDRESS:
             return what == ("udp", DHCP_SERVER)
         if source.area is Area.LAN:
             return what in {("icmp", 0), ("udp", DNS), ("udp", DHCP_SERVER), ("tcp", DNS)}
         radios = [link.network for link in self.site.bearers if link.kind is model.LinkKind.WIFI_PTP]
         is_radio = source.port in self.link_ports.values() and any(source.address in network for network in radios)
-        return flow.protocol == "icmp" and (source.area is Area.SERVED or is_radio)  # to test the bridge
+        return flow.protocol == "icmp" and (source.area is Area.OTHER_SITE or is_radio)  # to test the bridge
 
-    def _may_manage(self, source: Station) -> bool:
+    def _may_manage(self, source: FlowStation) -> bool:
         if not any(source.address in prefix for prefix in self.site.management.admit):
             return False
         return source.area in {Area.MANAGEMENT, Area.LAN, Area.VPN}

@@ -11,7 +11,7 @@ from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.emulator.routeros.dataplane import bench, packets
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.flows import intent as intents
-from atlantis_netcfg.operations.flows.intent import Area, PacketFlow, RouterIntent, Station
+from atlantis_netcfg.operations.flows.intent import Area, FlowStation, PacketFlow, RouterIntent
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +29,7 @@ _FIRST_PORT: Final = 20_000
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class FlowOutcome:
     """How a packet comes out of the router."""
 
     place: str
@@ -51,15 +51,20 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
-    """A flow that did not do what the inventory intends."""
+class FlowDifference:
+    """What became of a flow, beside what the inventory intends."""
 
     flow: PacketFlow
     is_reply: bool
-    """It is the reply that differs: the first packet arrived."""
-    expected: Outcome | None
+    """It is about the reply: the first packet arrived."""
+    intention: FlowOutcome | None
     """None: it has to be dropped."""
-    actual: tuple[Outcome, ...]
+    actual: tuple[FlowOutcome, ...]
+
+    @property
+    def is_none(self) -> bool:
+        """Whether the packet did what is intended."""
+        return self.actual == (() if self.intention is None else (self.intention,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +74,11 @@ class MatrixResult:
     router: str
     link: str
     flows: int
-    passed: int
+    arrivals: int
     """Flows that arrived, as intended."""
     replies: int
     """Replies to them that were sent."""
-    differences: tuple[Difference, ...]
+    differences: tuple[FlowDifference, ...]
 
 
 def try_flows(
@@ -86,38 +91,36 @@ def try_flows(
     intent = RouterIntent(inventory, host, link)
     namespace.apply(state.with_default_route(link.gateway, intent.link_ports[link.name]))
     flows = list(_flows(intent))
-    expected = [_expected(intent, flow) for flow in flows]
+    numbers, expectations = range(len(flows)), [_expected_outcome(intent, flow) for flow in flows]
     with bench.PacketBench(namespace, _neighbours(intent)) as stand:
         arrivals = stand.send((_entry(flow.source), _packet(flow, number)) for number, flow in enumerate(flows))
-        actual = [_outcomes(arrivals.get(number, ()), is_reply=False) for number in range(len(flows))]
-        good = [number for number in range(len(flows)) if expected[number] and actual[number] == (expected[number],)]
+        outcomes = [_outcomes(arrivals.get(number, ()), is_reply=False) for number in numbers]
+        good = [number for number in numbers if expectations[number] and outcomes[number] == (expectations[number],)]
         replies = dict(_replies(intent, flows, good, arrivals))
-        came_back = stand.send(
-            (place, packet.reply(len(flows) + number)) for number, (place, packet) in replies.items()
+        returns = stand.send((place, packet.reply(len(flows) + number)) for number, (place, packet) in replies.items())
+    first = (FlowDifference(flows[number], False, expectations[number], outcomes[number]) for number in numbers)
+    second = (
+        FlowDifference(
+            flows[number],
+            True,
+            _expected_reply(intent, flows[number]),
+            _outcomes(returns.get(len(flows) + number, ()), is_reply=True),
         )
-    first = [
-        Difference(flow, False, wanted, found)
-        for flow, wanted, found in zip(flows, expected, actual, strict=True)
-        if found != (() if wanted is None else (wanted,))
-    ]
-    returns = ((number, _outcomes(came_back.get(len(flows) + number, ()), is_reply=True)) for number in replies)
-    second = [
-        Difference(flows[number], True, wanted, found)
-        for number, found in returns
-        if found != ((wanted := _expected_reply(intent, flows[number])),)
-    ]
-    return MatrixResult(host.name, link.name, len(flows), len(good), len(replies), (*first, *second))
+        for number in replies
+    )
+    differences = tuple(item for item in (*first, *second) if not item.is_none)
+    return MatrixResult(host.name, link.name, len(flows), len(good), len(replies), differences)
 
 
 # --- packets -------------------------------------------------------------------------------------------------------
 
 
-def _entry(station: Station) -> str:
+def _entry(station: FlowStation) -> str:
     return bench.ROUTER if station.area is Area.ROUTER else station.port
 
 
-def _packet(flow: PacketFlow, number: int) -> packets.Packet:
-    return packets.Packet(
+def _packet(flow: PacketFlow, number: int) -> packets.FlowPacket:
+    return packets.FlowPacket(
         flow.source.address,
         flow.destination.address,
         flow.protocol,
@@ -130,12 +133,12 @@ def _packet(flow: PacketFlow, number: int) -> packets.Packet:
     )
 
 
-def _outcomes(arrivals: Sequence[bench.Arrival], *, is_reply: bool) -> tuple[Outcome, ...]:
+def _outcomes(arrivals: Sequence[bench.PacketArrival], *, is_reply: bool) -> tuple[FlowOutcome, ...]:
     """Return what came out; replies of the router itself to first packets do not count."""
     return tuple(
-        Outcome(item.place)
+        FlowOutcome(item.place)
         if item.packet is None
-        else Outcome(item.place, item.packet.source, item.packet.mss, item.is_marked)
+        else FlowOutcome(item.place, item.packet.source, item.packet.mss, item.is_marked)
         for item in arrivals
         if is_reply or item.packet is None or not item.packet.is_reply
     )
@@ -145,8 +148,8 @@ def _replies(
     intent: RouterIntent,
     flows: Sequence[PacketFlow],
     good: Sequence[int],
-    arrivals: Mapping[int, Sequence[bench.Arrival]],
-) -> Iterator[tuple[int, tuple[str, packets.Packet]]]:
+    arrivals: Mapping[int, Sequence[bench.PacketArrival]],
+) -> Iterator[tuple[int, tuple[str, packets.FlowPacket]]]:
     """Yield the flows whose replies pass the router again: where they arrived, and as what."""
     for number in good:
         flow, arrival = flows[number], arrivals[number][0]
@@ -159,36 +162,36 @@ def _replies(
 # --- expectations --------------------------------------------------------------------------------------------------
 
 
-def _expected(intent: RouterIntent, flow: PacketFlow) -> Outcome | None:
+def _expected_outcome(intent: RouterIntent, flow: PacketFlow) -> FlowOutcome | None:
     """Return where a packet has to come out, with which source after NAT, and which segment size it may offer."""
     source, site = flow.source, intent.site
     if intent.forwarded_to(flow) is not None:
         # From the LAN too, its replies come back through the router.
         address = site.lan.gateway if source.address in site.lan.network else source.address
-        return Outcome(intent.lan_port, address, _mss(intent, flow, _entry(source), intent.lan_port))
+        return FlowOutcome(intent.lan_port, address, _mss(intent, flow, _entry(source), intent.lan_port))
     if not intent.allows(flow):
         return None
     if flow.destination.area is Area.ROUTER:
-        return Outcome(bench.ROUTER)
+        return FlowOutcome(bench.ROUTER)
     place, address, is_first = flow.destination.port, source.address, False
     if flow.destination.area is Area.INTERNET:
         link = intent.link_to(flow)
         place, address, is_first = intent.link_ports[link.name], link.address, intent.goes_first(flow, link)
-    elif flow.destination.area is Area.SERVED and source.address in site.management.network:
+    elif flow.destination.area is Area.OTHER_SITE and source.address in site.management.network:
         address = next(link.address for link in site.served_links if intent.link_ports[link.name] == place)
-    return Outcome(place, address, _mss(intent, flow, _entry(source), place), is_first)
+    return FlowOutcome(place, address, _mss(intent, flow, _entry(source), place), is_first)
 
 
-def _expected_reply(intent: RouterIntent, flow: PacketFlow) -> Outcome:
+def _expected_reply(intent: RouterIntent, flow: PacketFlow) -> FlowOutcome:
     """Return where the reply to a flow has to come out: as from whom the flow was sent to."""
     if flow.source.area is Area.ROUTER:
-        return Outcome(bench.ROUTER)
+        return FlowOutcome(bench.ROUTER)
     server, source = intent.forwarded_to(flow), flow.source
     way_in = intent.lan_port if server is not None else flow.destination.port
     if server is None and flow.destination.area is Area.INTERNET:
         way_in = intent.link_ports[intent.link_to(flow).name]
     mss = _mss(intent, flow, way_in, source.port)
-    return Outcome(source.port, flow.destination.address, mss)
+    return FlowOutcome(source.port, flow.destination.address, mss)
 
 
 def _mss(intent: RouterIntent, flow: PacketFlow, *ways: str) -> int:
@@ -203,30 +206,31 @@ def _mss(intent: RouterIntent, flow: PacketFlow, *ways: str) -> int:
 # --- stations ------------------------------------------------------------------------------------------------------
 
 
-def _stations(intent: RouterIntent) -> Iterator[Station]:
+def _stations(intent: RouterIntent) -> Iterator[FlowStation]:
     """Yield the stations that exist: each of them sends and is sent to."""
     site, ports = intent.site, intent.link_ports
     for address in sorted(intent.own_hosts)[:2]:
-        yield Station(msg(f"own host {arg(address)}"), address, Area.LAN, intent.lan_port)
+        yield FlowStation(msg(f"own host {arg(address)}"), address, Area.LAN, intent.lan_port)
     guests = [item.address for item in site.lan.reservations if item.address not in intent.own_hosts]
     for address in [*guests[:2], site.lan.dhcp.first]:
-        yield Station(msg(f"LAN guest {arg(address)}"), address, Area.LAN, intent.lan_port)
+        yield FlowStation(msg(f"LAN guest {arg(address)}"), address, Area.LAN, intent.lan_port)
     if intent.management_port is not None:
-        yield Station(msg("technician"), site.management.technician, Area.MANAGEMENT, intent.management_port)
-    for served in site.served_links:
-        yield Station(msg(f"far end of {arg(served.name)}"), _other(served), Area.SERVED, ports[served.name])
+        yield FlowStation(msg("technician"), site.management.technician, Area.MANAGEMENT, intent.management_port)
+    for radio_link in site.served_links:
+        name = msg(f"far end of {arg(radio_link.name)}")
+        yield FlowStation(name, _other(radio_link), Area.OTHER_SITE, ports[radio_link.name])
     yield from _members(intent)
     outside = [*_STRANGERS, *(server.address for server in intent.inventory.pilot.time_servers)]
     endpoint = intent.inventory.pilot.vpn.endpoint
     if endpoint not in {link.address for link in site.bearers}:
         outside.append(endpoint)
     for address in dict.fromkeys(outside):
-        yield Station(msg(f"internet {arg(address)}"), address, Area.INTERNET, ports[intent.link.name])
+        yield FlowStation(msg(f"internet {arg(address)}"), address, Area.INTERNET, ports[intent.link.name])
     for link in site.bearers:
-        yield Station(msg(f"next hop of {arg(link.name)}"), link.gateway, Area.INTERNET, ports[link.name])
+        yield FlowStation(msg(f"next hop of {arg(link.name)}"), link.gateway, Area.INTERNET, ports[link.name])
 
 
-def _members(intent: RouterIntent) -> Iterator[Station]:
+def _members(intent: RouterIntent) -> Iterator[FlowStation]:
     """Yield stations behind the VPN: one of each network, and one of each prefix that may manage the router."""
     port = intent.tunnel or (intent.lan_port if intent.has_server else None)
     if port is None:
@@ -241,27 +245,27 @@ def _members(intent: RouterIntent) -> Iterator[Station]:
     ]
     for network in dict.fromkeys(networks):
         address = network[200 if network.num_addresses > 256 else 20]  # noqa: PLR2004 - a /24
-        yield Station(msg(f"VPN {arg(address)}"), address, Area.VPN, port)
+        yield FlowStation(msg(f"VPN {arg(address)}"), address, Area.VPN, port)
 
 
 def _other(link: model.ServedLink) -> IPv4Address:
     return next(address for address in link.network.hosts() if address != link.address)
 
 
-def _routers(intent: RouterIntent) -> Iterator[Station]:
+def _routers(intent: RouterIntent) -> Iterator[FlowStation]:
     site, ports = intent.site, intent.link_ports
-    yield Station(msg("router in the LAN"), site.lan.gateway, Area.ROUTER, intent.lan_port)
+    yield FlowStation(msg("router in the LAN"), site.lan.gateway, Area.ROUTER, intent.lan_port)
     if intent.management_port is not None:
         address = intent.router.access.address
-        yield Station(msg("router at the technician's port"), address, Area.ROUTER, intent.management_port)
+        yield FlowStation(msg("router at the technician's port"), address, Area.ROUTER, intent.management_port)
     addresses = {link.name: link.address for link in site.bearers} | {
         link.name: link.address for link in site.served_links
     }
     for name, address in addresses.items():
-        yield Station(msg(f"router at {arg(name)}"), address, Area.ROUTER, ports[name])
+        yield FlowStation(msg(f"router at {arg(name)}"), address, Area.ROUTER, ports[name])
 
 
-def _impostors(intent: RouterIntent) -> Iterator[Station]:
+def _impostors(intent: RouterIntent) -> Iterator[FlowStation]:
     """Yield senders whose address belongs behind another port."""
     site, ports = intent.site, intent.link_ports
     stations = {station.area: station for station in _stations(intent)}
@@ -269,17 +273,21 @@ def _impostors(intent: RouterIntent) -> Iterator[Station]:
         places = {other.area: other.port for other in stations.values() if other.port != station.port}
         for place, port in places.items():
             if area is not Area.INTERNET:
-                yield Station(msg(f"{arg(station.name)} as seen from {arg(place.value)}"), station.address, place, port)
+                yield FlowStation(
+                    msg(f"{arg(station.name)} as seen from {arg(place.value)}"), station.address, place, port
+                )
     for link in site.bearers:
-        yield Station(msg(f"stranger at {arg(link.name)}"), _STRANGERS[1], Area.INTERNET, ports[link.name])
-        yield Station(msg(f"LAN address at {arg(link.name)}"), site.lan.network[30], Area.INTERNET, ports[link.name])
+        yield FlowStation(msg(f"stranger at {arg(link.name)}"), _STRANGERS[1], Area.INTERNET, ports[link.name])
+        yield FlowStation(
+            msg(f"LAN address at {arg(link.name)}"), site.lan.network[30], Area.INTERNET, ports[link.name]
+        )
 
 
 def _flows(intent: RouterIntent) -> Iterator[PacketFlow]:
     stations = list(_stations(intent))
-    everybody = Station(msg("everybody in the LAN"), _EVERYBODY, Area.ROUTER, intent.lan_port)
+    everybody = FlowStation(msg("everybody in the LAN"), _EVERYBODY, Area.ROUTER, intent.lan_port)
     yield PacketFlow(
-        Station(msg("LAN host without address"), intents.UNSPECIFIED, Area.LAN, intent.lan_port),
+        FlowStation(msg("LAN host without address"), intents.NO_ADDRESS, Area.LAN, intent.lan_port),
         everybody,
         "udp",
         intents.DHCP_SERVER,
@@ -315,7 +323,7 @@ def _flows(intent: RouterIntent) -> Iterator[PacketFlow]:
                 yield PacketFlow(source, destination, "icmp", dscp=intents.DDS_QUESTION)
 
 
-def _can_be_broken(intent: RouterIntent, destination: Station) -> bool:
+def _can_be_broken(intent: RouterIntent, destination: FlowStation) -> bool:
     """Return whether the router has to drop what no connection begins with.
 
     Beside the VPN server it sees one direction only, and a terminal's own pages are accepted before that is looked at.
@@ -325,7 +333,7 @@ def _can_be_broken(intent: RouterIntent, destination: Station) -> bool:
     return not is_beside_server and not any(destination.address in network for network in terminals)
 
 
-def _are_beside(source: Station, destination: Station) -> bool:
+def _are_beside(source: FlowStation, destination: FlowStation) -> bool:
     """Return whether packets between two stations do not pass the router, or not by themselves."""
     if destination.area is Area.ROUTER:
         return False
@@ -340,7 +348,7 @@ def _neighbours(intent: RouterIntent) -> dict[str, list[IPv4Address]]:
     for link in intent.site.bearers:
         result[intent.link_ports[link.name]].append(link.gateway)
     for station in _stations(intent):
-        if station.area in {Area.LAN, Area.MANAGEMENT, Area.SERVED}:
+        if station.area in {Area.LAN, Area.MANAGEMENT, Area.OTHER_SITE}:
             result[station.port].append(station.address)
     if intent.has_server:
         server = intent.inventory.hosts[intent.inventory.pilot.vpn.server].device

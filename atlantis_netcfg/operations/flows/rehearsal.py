@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Host, Inventory
 
 _STATES = TypeAdapter(NetworkState)
-_SHOWN = 20
+_MOST = 20
 """Differences in the result of a router; more have the same cause."""
 
 
@@ -38,8 +38,8 @@ def try_flows(inventory: Inventory, routers: Sequence[Host], emulators: SpawnedS
         for host in routers:
             state = _STATES.validate_python(emulators.do(host.name, "network"))
             links = inventory.sites[host.site].bearers
-            tried = [_try_link(inventory, host, link, f"{name}-{number}", state) for number, link in enumerate(links)]
-            results[host.name] = _fields(tried, state.untranslated)
+            tries = [_try_link(inventory, host, link, f"{name}-{number}", state) for number, link in enumerate(links)]
+            results[host.name] = _fields(tries, state.limits)
     return results
 
 
@@ -54,18 +54,18 @@ def _try_link(
         machines.delete_namespace(namespace)
 
 
-def _fields(results: Sequence[matrix.MatrixResult], untranslated: Sequence[str]) -> dict[str, Any]:
+def _fields(results: Sequence[matrix.MatrixResult], limits: Sequence[str]) -> dict[str, Any]:
     differences = [(result.link, difference) for result in results for difference in result.differences]
     total = sum(result.flows for result in results)
     flows: dict[str, Any] = {
         "tried": total,
-        "arrived": sum(result.passed for result in results),
+        "arrived": sum(result.arrivals for result in results),
         "links": [result.link for result in results],
-        "differences": [msg(f"{arg(link)}: {arg(describe(difference))}") for link, difference in differences[:_SHOWN]],
-        "not_rehearsed": list(untranslated),
+        "differences": [msg(f"{arg(link)}: {arg(describe(difference))}") for link, difference in differences[:_MOST]],
+        "not_rehearsed": list(limits),
     }
     if not differences:
-        return {"flows": {**flows, "words": _passed(results)}}
+        return {"flows": {**flows, "words": _success_words(results)}}
     link, first = differences[0]
     words = msg(
         f"{arg(len(differences))} of {arg(total)} flows do not do what the inventory intends; over {arg(link)}: "
@@ -75,20 +75,20 @@ def _fields(results: Sequence[matrix.MatrixResult], untranslated: Sequence[str])
     return {"flows": flows, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": hint}
 
 
-def _passed(results: Sequence[matrix.MatrixResult]) -> str:
-    total, passed = (sum(getattr(result, name) for result in results) for name in ("flows", "passed"))
+def _success_words(results: Sequence[matrix.MatrixResult]) -> str:
+    total, count = sum(result.flows for result in results), sum(result.arrivals for result in results)
     return msg(
         f"{arg(total)} flows over {arg(len(results))} link{'s' if len(results) != 1 else ''} tried with packets: "
-        f"{arg(passed)} pass, all others are dropped, as the inventory intends"
+        f"{arg(count)} pass, all others are dropped, as the inventory intends"
     )
 
 
-def describe(difference: matrix.Difference) -> str:
+def describe(difference: matrix.FlowDifference) -> str:
     """Return what a flow did, and what it should have done."""
     flow = msg(f"the reply to {arg(difference.flow)}" if difference.is_reply else f"{arg(difference.flow)}")
     actual = join(", ", difference.actual)
-    if difference.expected is None:
+    if difference.intention is None:
         return msg(f"{arg(flow)}: arrives at {arg(actual)}, but has to be dropped")
     if not difference.actual:
-        return msg(f"{arg(flow)}: dropped, but has to arrive at {arg(difference.expected)}")
-    return msg(f"{arg(flow)}: arrives at {arg(actual)} instead of {arg(difference.expected)}")
+        return msg(f"{arg(flow)}: dropped, but has to arrive at {arg(difference.intention)}")
+    return msg(f"{arg(flow)}: arrives at {arg(actual)} instead of {arg(difference.intention)}")

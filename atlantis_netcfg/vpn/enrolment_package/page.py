@@ -305,7 +305,7 @@ def _blocks(template: str, **data: object) -> tuple[str, ...]:
 @cache
 def _environment() -> Environment:
     """Return an environment in which every value is marked, as `arg` does it in an f-string."""
-    return environment().overlay(finalize=lambda value: str(arg(value)), bytecode_cache=None)
+    return environment().overlay(finalize=lambda value: Message(f"{arg(value)}").source, bytecode_cache=None)
 
 
 def _translate_block(block: str) -> str:

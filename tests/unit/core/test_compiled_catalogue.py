@@ -9,7 +9,7 @@ import pytest
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.compiled_catalogue import CompiledCatalogue, compile_catalogue, load, read
 from atlantis_netcfg.core.language import Language
-from atlantis_netcfg.core.translation import numbered
+from atlantis_netcfg.core.translation import number_values
 
 PO = (
     'msgid ""\nmsgstr ""\n"Language: pt_PT\\n"\n\nmsgid "{a} of {b}"\nmsgstr "{b} em {a}"\n\nmsgid "no"\nmsgstr "não"\n'
@@ -33,7 +33,7 @@ def compiled(source: Path) -> Path:
 def test_every_message_of_the_source_is_in_the_compiled_catalogue() -> None:
     translations = read(language.catalogue_file(Language.PORTUGUESE))
     catalogue = load(language.catalogue_file(Language.PORTUGUESE))
-    assert dict(catalogue) == dict(numbered(msgid, text) for msgid, text in translations.items())
+    assert dict(catalogue) == dict(number_values(msgid, text) for msgid, text in translations.items())
     assert len(catalogue) > 3000
 
 
@@ -60,7 +60,7 @@ def test_compiled_catalogue_is_used_while_its_source_is_unchanged(source: Path, 
 def test_changed_source_is_compiled_again(source: Path, compiled: Path, text: str) -> None:
     before = compiled.read_bytes()
     source.write_text(text)
-    assert dict(load(source)) == dict(numbered(*item) for item in read(source).items())
+    assert dict(load(source)) == dict(number_values(*item) for item in read(source).items())
     assert compiled.read_bytes() != before
     assert dict(load(source)) != ENTRIES
 
@@ -114,7 +114,7 @@ def test_same_translations_give_the_same_bytes(source: Path) -> None:
     ],
 )
 def test_values_are_numbered_in_the_order_of_the_text(msgid: str, translation: str, expected: tuple[str, str]) -> None:
-    assert numbered(msgid, translation) == expected
+    assert number_values(msgid, translation) == expected
 
 
 def test_catalogue_is_parsed_in_few_calls() -> None:

@@ -16,7 +16,7 @@ from atlantis_netcfg.core.language import Language
 from atlantis_netcfg.core.message_models import MessageModel
 from atlantis_netcfg.core.messages import Message, alternatives, arg, conjunction, join, msg, shorten
 from atlantis_netcfg.core.stored_messages import pack, unpack
-from atlantis_netcfg.core.translation import Translator, numbered
+from atlantis_netcfg.core.translation import Translator, number_values
 
 CATALOGUE = {
     "{count} changes left": "faltam {count} alterações",
@@ -40,7 +40,7 @@ CATALOGUE = {
 
 @pytest.fixture
 def translator() -> Translator:
-    catalogue = dict(numbered(msgid, translation) for msgid, translation in CATALOGUE.items())
+    catalogue = dict(number_values(msgid, translation) for msgid, translation in CATALOGUE.items())
     return Translator(catalogue, {"de o": "do", "de a": "da"})
 
 

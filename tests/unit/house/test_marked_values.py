@@ -58,7 +58,7 @@ def makes_messages(node: ast.AST, above: dict[ast.AST, ast.AST]) -> bool:
         node = above[node]
     name = getattr(node, "arg", "") if isinstance(node, ast.keyword) else ""
     call = above[node]
-    if is_call(call, "msg", "translate"):
+    if is_call(call, "msg", "translate", "Message"):
         return True
     assert isinstance(call, ast.Call)
     is_error = is_call(call, *ERRORS) or (is_call(call, "__init__") and bool(ERRORS & bases_around(call, above)))

@@ -58,11 +58,11 @@ table ip arrivals {
 
 
 @dataclass(frozen=True, slots=True)
-class Arrival:
+class PacketArrival:
     """Where a packet came out, and how: `place` is a port, a tunnel, or ROUTER, which shows nothing else."""
 
     place: str
-    packet: packets.Packet | None = None
+    packet: packets.FlowPacket | None = None
     is_marked: bool = False
     """It had a packet mark, by which a queue would let it go first."""
 
@@ -80,7 +80,7 @@ class PacketBench:
         self._plugs: dict[str, socket.socket] = {}
         self._tunnels: dict[str, int] = {}
         self._heads: dict[str, bytes] = {}
-        self._own: dict[IPv4Address, socket.socket] = {}
+        self._own_sockets: dict[IPv4Address, socket.socket] = {}
         with contextlib.ExitStack() as stack:
             stack.callback(self.close)
             for port in router.ports:
@@ -101,31 +101,31 @@ class PacketBench:
 
     def close(self) -> None:
         """Close all sockets."""
-        for each in (*self._own.values(), *self._plugs.values()):
+        for each in (*self._own_sockets.values(), *self._plugs.values()):
             each.close()
         for descriptor in self._tunnels.values():
             os.close(descriptor)
-        self._own, self._plugs, self._tunnels = {}, {}, {}
+        self._own_sockets, self._plugs, self._tunnels = {}, {}, {}
         self._inside.close()
 
-    def send(self, batch: Iterable[tuple[str, packets.Packet]]) -> dict[int, list[Arrival]]:
+    def send(self, batch: Iterable[tuple[str, packets.FlowPacket]]) -> dict[int, list[PacketArrival]]:
         """Send packets into their ports, or from ROUTER; return by number where each came out."""
-        arrivals: dict[int, list[tuple[str, packets.Packet]]] = defaultdict(list)
+        arrivals: dict[int, list[tuple[str, packets.FlowPacket]]] = defaultdict(list)
         for count, (port, packet) in enumerate(batch, 1):
             self._send(port, packet)
             if count % _BURST == 0:
                 self._collect(arrivals, 0.0)
         self._collect(arrivals, _QUIET_S)
-        marked = self._numbers("marked")
+        marked_numbers = self._numbers("marked")
         result = {
-            number: [Arrival(place, packet, number in marked) for place, packet in items]
+            number: [PacketArrival(place, packet, number in marked_numbers) for place, packet in items]
             for number, items in arrivals.items()
         }
         for number in self._numbers("own"):
-            result.setdefault(number, []).append(Arrival(ROUTER))
+            result.setdefault(number, []).append(PacketArrival(ROUTER))
         return result
 
-    def _send(self, port: str, packet: packets.Packet) -> None:
+    def _send(self, port: str, packet: packets.FlowPacket) -> None:
         data = packet.encode()
         if port == ROUTER:
             with contextlib.suppress(OSError):  # a drop of its own filter is an error of the sender
@@ -135,7 +135,7 @@ class PacketBench:
         else:
             self._plugs[port].send(self._heads[port] + data)
 
-    def _collect(self, arrivals: dict[int, list[tuple[str, packets.Packet]]], quiet_s: float) -> None:
+    def _collect(self, arrivals: dict[int, list[tuple[str, packets.FlowPacket]]], quiet_s: float) -> None:
         """Read what has come out until nothing more comes."""
         readers = {plug.fileno(): port for port, plug in self._plugs.items()}
         readers |= {descriptor: name for name, descriptor in self._tunnels.items()}
@@ -164,10 +164,10 @@ class PacketBench:
 
     def _own_socket(self, source: IPv4Address) -> socket.socket:
         """Return a socket with an address of the router, by which routing rules choose."""
-        if source not in self._own:
-            self._own[source] = self._inside.socket(socket.SOCK_RAW, protocol=socket.IPPROTO_RAW)
-            self._own[source].bind((str(source), 0))
-        return self._own[source]
+        if source not in self._own_sockets:
+            self._own_sockets[source] = self._inside.socket(socket.SOCK_RAW, protocol=socket.IPPROTO_RAW)
+            self._own_sockets[source].bind((str(source), 0))
+        return self._own_sockets[source]
 
     def _introduce(self, neighbours: Mapping[str, Iterable[IPv4Address]]) -> None:
         """Let router and neighbours know each other's hardware addresses."""

@@ -30,7 +30,7 @@ _SMALLEST: Final = 2 * _HEADER
 
 
 @dataclass(frozen=True, slots=True)
-class Packet:
+class FlowPacket:
     """A packet that begins a flow or replies to one."""
 
     source: IPv4Address
@@ -43,7 +43,7 @@ class Packet:
     destination_port: int = 0
     flags: int = SYN
     """Of TCP."""
-    acknowledged: int = 0
+    ack_number: int = 0
     """Of TCP."""
     mss: int = FULL_MSS
     """Of TCP; 0 for others."""
@@ -51,7 +51,7 @@ class Packet:
     is_reply: bool = False
     """Of UDP it does not show."""
 
-    def reply(self, number: int) -> Packet:
+    def reply(self, number: int) -> FlowPacket:
         """Return what the destination would answer."""
         answer = replace(self, source=self.destination, destination=self.source, number=number, dscp=0)
         if self.protocol == "icmp":
@@ -59,7 +59,7 @@ class Packet:
         answer = replace(answer, source_port=self.destination_port, destination_port=self.source_port)
         if self.protocol == "udp":
             return answer
-        return replace(answer, flags=SYN | ACK, acknowledged=self.number + 1, mss=FULL_MSS, is_reply=True)
+        return replace(answer, flags=SYN | ACK, ack_number=self.number + 1, mss=FULL_MSS, is_reply=True)
 
     def encode(self) -> bytes:
         """Return the IP packet."""
@@ -71,7 +71,7 @@ class Packet:
             body = struct.pack("!HHHH", self.source_port, self.destination_port, 8 + len(payload), 0) + payload
         else:
             ports = struct.pack("!HH", self.source_port, self.destination_port)
-            rest = struct.pack("!IIBBHHH", self.number, self.acknowledged, 0x60, self.flags, 1024, 0, 0)
+            rest = struct.pack("!IIBBHHH", self.number, self.ack_number, 0x60, self.flags, 1024, 0, 0)
             segment = ports + rest + struct.pack("!BBH", *_MSS_OPTION, self.mss)
             pseudo = self.source.packed + self.destination.packed + struct.pack("!BBH", 0, 6, len(segment))
             body = _with_sum(pseudo + segment, len(pseudo) + 16)[len(pseudo) :]
@@ -80,21 +80,21 @@ class Packet:
         return _with_sum(head + self.source.packed + self.destination.packed, 10) + body
 
 
-def decode(data: bytes) -> Packet | None:
+def decode(data: bytes) -> FlowPacket | None:
     """Return one of our packets; None for any other, such as an ICMP error or what the router itself replies."""
     if len(data) < _SMALLEST or data[0] != 0x45 or data[9] not in _PROTOCOLS:  # noqa: PLR2004 - IPv4 without options
         return None
     body, protocol = data[_HEADER:], _PROTOCOLS[data[9]]
-    packet = Packet(IPv4Address(data[12:16]), IPv4Address(data[16:20]), protocol, 0, mss=0, dscp=data[1] >> 2)
+    packet = FlowPacket(IPv4Address(data[12:16]), IPv4Address(data[16:20]), protocol, 0, mss=0, dscp=data[1] >> 2)
     source_port, port = struct.unpack("!HH", body[:4])
     if protocol == "tcp":
-        number, acknowledged = struct.unpack("!II", body[4:12])
+        number, ack_number = struct.unpack("!II", body[4:12])
         if body[12] != 0x60 or tuple(body[20:22]) != _MSS_OPTION:  # noqa: PLR2004 - one option, the segment size
             return None
         (mss,) = struct.unpack("!H", body[22:24])
         is_reply = body[13] == SYN | ACK
         values = {"source_port": source_port, "destination_port": port, "flags": body[13], "mss": mss}
-        return replace(packet, number=number, acknowledged=acknowledged, is_reply=is_reply, **values)
+        return replace(packet, number=number, ack_number=ack_number, is_reply=is_reply, **values)
     if body[8:16] != _MARK:
         return None
     (number,) = struct.unpack("!I", body[16:20])
@@ -106,8 +106,8 @@ def decode(data: bytes) -> Packet | None:
 
 def _with_sum(data: bytes, place: int) -> bytes:
     """Return data with its Internet checksum (RFC 1071) at `place`, where it has zeros."""
-    padded = data + b"\0" * (len(data) % 2)
-    total = sum(struct.unpack(f"!{len(padded) // 2}H", padded))
+    even_data = data + b"\0" * (len(data) % 2)
+    total = sum(struct.unpack(f"!{len(even_data) // 2}H", even_data))
     while total >> 16:
         total = (total & 0xFFFF) + (total >> 16)
     return data[:place] + struct.pack("!H", ~total & 0xFFFF) + data[place + 2 :]

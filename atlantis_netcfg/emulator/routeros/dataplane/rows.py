@@ -45,7 +45,7 @@ class NetworkState:
     routes: tuple[str, ...]
     settings: tuple[str, ...]
     firewall: str
-    untranslated: tuple[str, ...]
+    limits: tuple[str, ...]
     """Rows that Linux cannot stand for, one line each."""
 
     def with_default_route(self, gateway: IPv4Address, device: str) -> NetworkState:
@@ -84,11 +84,11 @@ def network_state(topology: Topology) -> NetworkState:
         routes=tuple(dict.fromkeys(line for route in topology.routes for line in _route(route, tables, devices))),
         settings=tuple(_settings(topology)),
         firewall=rules.text(),
-        untranslated=rules.untranslated,
+        limits=rules.limits,
     )
 
 
-def firewall(topology: Topology, rows: Iterable[ruleset.Row]) -> ruleset.Ruleset:
+def firewall(topology: Topology, rows: Iterable[ruleset.FirewallRow]) -> ruleset.NftRuleset:
     """Translate rows of the firewall, with the interfaces, lists and routing tables of a router."""
     return ruleset.translate(rows, _names(topology, _table_numbers(topology), devices_of(topology)))
 
@@ -171,18 +171,18 @@ def _settings(topology: Topology) -> Iterator[str]:
     yield f"net.ipv4.ip_forward={int(forward != 'no')}"
 
 
-def firewall_rows(topology: Topology) -> list[ruleset.Row]:
+def firewall_rows(topology: Topology) -> list[ruleset.FirewallRow]:
     """Return all rows of the firewall, menu by menu, in their order."""
     store = topology.store
     return [
-        ruleset.Row(menu, {name: store.text(table, item, name) or "" for name in item.values})
+        ruleset.FirewallRow(menu, {name: store.text(table, item, name) or "" for name in item.values})
         for menu in ruleset.MENUS
         for table in [store.table(menu)]
         for item in table.items
     ]
 
 
-def _names(topology: Topology, tables: dict[int, int], devices: dict[int, str]) -> ruleset.Names:
+def _names(topology: Topology, tables: dict[int, int], devices: dict[int, str]) -> ruleset.RowReferences:
     store = topology.store
     lists = store.table("/interface/list")
     members = {
@@ -199,7 +199,7 @@ def _names(topology: Topology, tables: dict[int, int], devices: dict[int, str]) 
         if store.text(entries, item, "disabled") != "yes" and address[:1].isdecimal():
             addresses.setdefault(store.text(entries, item, "list") or "", []).append(address)
     routing = store.table("/routing/table")
-    return ruleset.Names(
+    return ruleset.RowReferences(
         devices={interface.name: devices[interface.id] for interface in topology.interfaces.values()},
         interface_lists=members,
         address_lists=addresses,

@@ -64,7 +64,7 @@ class UntranslatableRow(NetcfgError, ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class FirewallRow:
     """One row of the firewall, in the words of an export."""
 
     menu: str
@@ -76,7 +76,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class NftRule:
     """One rule of nftables: what it matches, word for word, and what it does."""
 
     menu: str
@@ -92,7 +92,7 @@ class Rule:
 
 
 @dataclass(frozen=True, slots=True)
-class Names:
+class RowReferences:
     """What the rows refer to: devices of Linux, lists, marks."""
 
     devices: Mapping[str, str] = field(default_factory=dict)
@@ -109,14 +109,14 @@ class Names:
 
 
 @dataclass(frozen=True, slots=True)
-class Ruleset:
-    """All rules and sets; `untranslated`: rows that are missing in it, with the reason."""
+class NftRuleset:
+    """All rules and sets; `limits`: rows that are missing in it, with the reason."""
 
-    rules: tuple[Rule, ...]
+    rules: tuple[NftRule, ...]
     sets: Mapping[str, tuple[str, ...]]
     meters: Mapping[str, str] = field(default_factory=dict)
     """Sets that count packets for each address, and after how long they forget one."""
-    untranslated: tuple[str, ...] = ()
+    limits: tuple[str, ...] = ()
 
     def text(self, extra: Sequence[str] = ()) -> str:
         """Return a table for `nft -f`, which replaces the one that is there; `extra`: lines of the caller's own."""
@@ -143,9 +143,9 @@ class Ruleset:
                 yield rule.menu, rule.action.removeprefix(f"jump {prefixes[rule.menu]}")
 
 
-def translate(rows: Iterable[Row], names: Names) -> Ruleset:
+def translate(rows: Iterable[FirewallRow], names: RowReferences) -> NftRuleset:
     """Translate the rows that are not disabled, in their order."""
-    rules, untranslated = [], []
+    rules, limits = [], []
     marks: dict[str, int] = {}
     meters: dict[str, str] = {}
     for row in rows:
@@ -154,23 +154,23 @@ def translate(rows: Iterable[Row], names: Names) -> Ruleset:
         try:
             rules.append(_Translation(row, names, marks, meters).rule())
         except UntranslatableRow as error:
-            untranslated.append(f"{row.menu} {row.get('comment') or row.get('chain')}: {error}")
+            limits.append(f"{row.menu} {row.get('comment') or row.get('chain')}: {error}")
     sets = {_set(name): tuple(addresses) for name, addresses in sorted(names.address_lists.items())}
     used = set(re.findall(r"@(l_\w+)", " ".join(word for rule in rules for word in rule.matches)))
     every = {name: sets.get(name, ()) for name in sorted(used | set(sets))}
-    return Ruleset(tuple(rules), every, meters, tuple(untranslated))
+    return NftRuleset(tuple(rules), every, meters, tuple(limits))
 
 
 @dataclass(frozen=True, slots=True)
 class _Translation:
-    row: Row
-    names: Names
+    row: FirewallRow
+    names: RowReferences
     marks: dict[str, int]
-    """Packet and connection marks to their numbers, in the order of their first use."""
+    """FlowPacket and connection marks to their numbers, in the order of their first use."""
     meters: dict[str, str]
     """Sets that count packets for each address, and after how long they forget one."""
 
-    def rule(self) -> Rule:
+    def rule(self) -> NftRule:
         matches = [
             word for name, value in self.row.values.items() if name not in _SILENT for word in self._match(name, value)
         ]
@@ -179,7 +179,7 @@ class _Translation:
         protocol = self.row.get("protocol")
         if self._needs_protocol() and protocol and not any(match.startswith(f"{protocol} ") for match in matches):
             matches.insert(0, f"meta l4proto {protocol}")
-        return Rule(self.row.menu, self.row.get("chain"), tuple(matches), self._action(), self.row.get("comment"))
+        return NftRule(self.row.menu, self.row.get("chain"), tuple(matches), self._action(), self.row.get("comment"))
 
     def _needs_protocol(self) -> bool:
         return bool(self.row.get("to-ports")) or self.row.get("reject-with") == "tcp-reset"
@@ -236,46 +236,46 @@ class _Translation:
     # --- matchers --------------------------------------------------------------------------------------------------
 
     def _match(self, name: str, value: str) -> Iterator[str]:  # noqa: C901, PLR0912 - one branch a matcher
-        is_not, wanted = ("!= ", value[1:]) if value.startswith("!") else ("", value)
+        is_not, plain_value = ("!= ", value[1:]) if value.startswith("!") else ("", value)
         side = name[0]
         if name in ("src-address", "dst-address"):
-            yield f"ip {side}addr {is_not}{wanted}"
+            yield f"ip {side}addr {is_not}{plain_value}"
         elif name in ("src-address-list", "dst-address-list"):
-            yield f"ip {side}addr {is_not}@{_set(wanted)}"
+            yield f"ip {side}addr {is_not}@{_set(plain_value)}"
         elif name in ("src-address-type", "dst-address-type"):
-            yield f"fib {side}addr type {is_not}{{ {wanted.replace(',', ', ')} }}"
+            yield f"fib {side}addr type {is_not}{{ {plain_value.replace(',', ', ')} }}"
         elif name in ("in-interface", "out-interface"):
-            yield f"{side}ifname {is_not}{self.names.device(wanted)}"
+            yield f"{side}ifname {is_not}{self.names.device(plain_value)}"
         elif name in ("in-interface-list", "out-interface-list"):
-            members = map(self.names.device, self.names.interface_lists.get(wanted, ()) or [_NO_DEVICE])
+            members = map(self.names.device, self.names.interface_lists.get(plain_value, ()) or [_NO_DEVICE])
             yield f"{side}ifname {is_not}{{ {', '.join(members)} }}"
         elif name == "protocol":
-            yield f"ip protocol {is_not}{wanted}"
+            yield f"ip protocol {is_not}{plain_value}"
         elif name == "dscp":
-            yield f"ip dscp {is_not}{wanted}"
+            yield f"ip dscp {is_not}{plain_value}"
         elif name in ("dst-port", "src-port"):
-            yield f"{self.row.get('protocol')} {side}port {is_not}{{ {wanted.replace(',', ', ')} }}"
+            yield f"{self.row.get('protocol')} {side}port {is_not}{{ {plain_value.replace(',', ', ')} }}"
         elif name == "connection-state":
-            yield f"ct state {is_not}{{ {wanted.replace(',', ', ')} }}"
+            yield f"ct state {is_not}{{ {plain_value.replace(',', ', ')} }}"
         elif name == "connection-nat-state":
-            bit = _NAT_BITS[wanted]
+            bit = _NAT_BITS[plain_value]
             yield f"ct status & {bit} == {'0x0' if is_not else bit}"
         elif name == "connection-mark":
-            yield f"ct mark {is_not}{self._mark(wanted):#x}"
+            yield f"ct mark {is_not}{self._mark(plain_value):#x}"
         elif name == "packet-mark":
-            yield f"meta mark & {_PACKET_MARKS:#06x} {is_not or '== '}{self._mark(wanted) << 8:#x}"
+            yield f"meta mark & {_PACKET_MARKS:#06x} {is_not or '== '}{self._mark(plain_value) << 8:#x}"
         elif name == "routing-mark":
-            yield f"meta mark & {ROUTING_MARKS:#06x} {is_not or '== '}{self._table(wanted):#x}"
+            yield f"meta mark & {ROUTING_MARKS:#06x} {is_not or '== '}{self._table(plain_value):#x}"
         elif name == "tcp-flags":
             yield _tcp_flags(value)
         elif name == "tcp-mss":
-            yield f"tcp option maxseg size {is_not}{wanted}"
+            yield f"tcp option maxseg size {is_not}{plain_value}"
         elif name == "icmp-options":
-            yield f"icmp type {is_not}{wanted.partition(':')[0]}"
+            yield f"icmp type {is_not}{plain_value.partition(':')[0]}"
         elif name == "limit":
-            yield _limit(wanted)
+            yield _limit(plain_value)
         elif name == "dst-limit":
-            yield self._limit_per_address(wanted)
+            yield self._limit_per_address(plain_value)
         else:
             raise UntranslatableRow(f"unknown matcher {name}")
 

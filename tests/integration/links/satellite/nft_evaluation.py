@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from ipaddress import ip_address, ip_network
 
-from atlantis_netcfg.emulator.routeros.dataplane.ruleset import FILTER, Rule, Ruleset
+from atlantis_netcfg.emulator.routeros.dataplane.ruleset import FILTER, NftRule, NftRuleset
 
 _BITS = {"srcnat": 0x10, "dstnat": 0x20}
 
@@ -49,12 +49,12 @@ def status_of(nat_state: frozenset[str]) -> int:
     return sum(_BITS[one] for one in nat_state)
 
 
-def passes(ruleset: Ruleset, chain: str, packet: Nft) -> bool:
+def passes(ruleset: NftRuleset, chain: str, packet: Nft) -> bool:
     """Whether a base chain with policy accept lets the packet go on."""
     return _walk(ruleset, chain, packet) not in ("drop", "reject")
 
 
-def _walk(ruleset: Ruleset, chain: str, packet: Nft) -> str | None:
+def _walk(ruleset: NftRuleset, chain: str, packet: Nft) -> str | None:
     for rule in ruleset.rules:
         if (rule.menu, rule.chain.replace("-", "_")) != (FILTER, chain) or not all(
             _holds(ruleset, match, packet) for match in rule.matches
@@ -68,7 +68,7 @@ def _walk(ruleset: Ruleset, chain: str, packet: Nft) -> str | None:
     return None
 
 
-def _verdict(ruleset: Ruleset, rule: Rule, packet: Nft) -> str | None:
+def _verdict(ruleset: NftRuleset, rule: NftRule, packet: Nft) -> str | None:
     if rule.action in ("accept", "drop", "return"):
         return rule.action
     if rule.action.startswith("reject "):
@@ -82,7 +82,7 @@ def _verdict(ruleset: Ruleset, rule: Rule, packet: Nft) -> str | None:
 _MATCH = re.compile(r"(?P<field>[a-z]+(?: [a-z]+)?) (?P<negated>!= )?(?P<value>[^!].*)")
 
 
-def _holds(ruleset: Ruleset, match: str, packet: Nft) -> bool:
+def _holds(ruleset: NftRuleset, match: str, packet: Nft) -> bool:
     if match.startswith("limit "):
         return True
     if match.startswith("ct status & "):
@@ -96,7 +96,7 @@ def _holds(ruleset: Ruleset, match: str, packet: Nft) -> bool:
     return _is(ruleset, found, parsed["value"]) != bool(parsed["negated"])
 
 
-def _is(ruleset: Ruleset, found: str | int, value: str) -> bool:
+def _is(ruleset: NftRuleset, found: str | int, value: str) -> bool:
     if value.startswith("@"):
         return any(_is(ruleset, found, one) for one in ruleset.sets[value[1:]])
     if value.startswith("{"):

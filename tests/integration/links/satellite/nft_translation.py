@@ -4,15 +4,15 @@ from atlantis_netcfg.emulator.routeros.dataplane import ruleset
 from atlantis_netcfg.routeros.rsc import Export
 
 
-def translate(export: Export) -> ruleset.Ruleset:
+def translate(export: Export) -> ruleset.NftRuleset:
     """Raises ValueError for a row that Linux cannot stand for."""
     rows = [
-        ruleset.Row(row.menu, {name: str(value) for name, value in row.values})
+        ruleset.FirewallRow(row.menu, {name: str(value) for name, value in row.values})
         for row in export.statements
         if row.menu in ruleset.MENUS
     ]
     lists = {row.get(name): () for row in rows for name in ("src-address-list", "dst-address-list") if row.get(name)}
-    names = ruleset.Names(
+    names = ruleset.RowReferences(
         interface_lists=_grouped(export, "/interface/list/member", "interface"),
         address_lists={
             **{name.removeprefix("!"): () for name in lists},
@@ -20,8 +20,8 @@ def translate(export: Export) -> ruleset.Ruleset:
         },
     )
     result = ruleset.translate(rows, names)
-    if result.untranslated:
-        raise ValueError("; ".join(result.untranslated))
+    if result.limits:
+        raise ValueError("; ".join(result.limits))
     return result
 
 

@@ -9,10 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.emulator.routeros.dataplane import packets
-from atlantis_netcfg.emulator.routeros.dataplane.packets import ACK, SYN, Packet, decode
+from atlantis_netcfg.emulator.routeros.dataplane.packets import ACK, SYN, FlowPacket, decode
+
+
+def as_its_protocol(packet: FlowPacket) -> FlowPacket:
+    """Without what its protocol does not have."""
+    if packet.protocol == "tcp":
+        return packet
+    return replace(packet, mss=0, destination_port=0 if packet.protocol == "icmp" else packet.destination_port)
+
 
 PACKETS = st.builds(
-    Packet,
+    FlowPacket,
     source=st.ip_addresses(v=4),
     destination=st.ip_addresses(v=4),
     protocol=st.sampled_from(["icmp", "tcp", "udp"]),
@@ -20,11 +28,7 @@ PACKETS = st.builds(
     source_port=st.integers(0, 65_535),
     destination_port=st.integers(0, 65_535),
     dscp=st.integers(0, 63),
-).map(lambda packet: packet if packet.protocol == "tcp" else replace(packet, mss=0, **no_ports(packet)))
-
-
-def no_ports(packet: Packet) -> dict[str, int]:
-    return {"destination_port": 0} if packet.protocol == "icmp" else {}
+).map(as_its_protocol)
 
 
 def internet_sum(data: bytes) -> int:
@@ -36,7 +40,7 @@ def internet_sum(data: bytes) -> int:
 
 
 @given(packet=PACKETS)
-def test_a_packet_is_read_as_it_was_written(packet: Packet) -> None:
+def test_a_packet_is_read_as_it_was_written(packet: FlowPacket) -> None:
     data = packet.encode()
     assert decode(data) == packet
     assert internet_sum(data[:20]) == 0xFFFF
@@ -48,7 +52,7 @@ def test_a_packet_is_read_as_it_was_written(packet: Packet) -> None:
 
 
 @given(packet=PACKETS, number=st.integers(0, packets.MOST))
-def test_a_reply_goes_back_to_the_port_that_asked(packet: Packet, number: int) -> None:
+def test_a_reply_goes_back_to_the_port_that_asked(packet: FlowPacket, number: int) -> None:
     reply = packet.reply(number)
     assert (reply.source, reply.destination, reply.number) == (packet.destination, packet.source, number)
     if packet.protocol == "icmp":
@@ -56,7 +60,7 @@ def test_a_reply_goes_back_to_the_port_that_asked(packet: Packet, number: int) -
     else:
         assert (reply.source_port, reply.destination_port) == (packet.destination_port, packet.source_port)
     if packet.protocol == "tcp":
-        assert (reply.flags, reply.acknowledged) == (SYN | ACK, packet.number + 1)
+        assert (reply.flags, reply.ack_number) == (SYN | ACK, packet.number + 1)
     assert decode(reply.encode()) == reply
 
 
@@ -66,6 +70,6 @@ def test_what_is_not_ours_is_left_alone(data: bytes) -> None:
 
 
 def test_an_echo_of_somebody_else_is_left_alone() -> None:
-    ping = Packet(IPv4Address("192.0.2.1"), IPv4Address("192.0.2.2"), "icmp", 7, mss=0).encode()
+    ping = FlowPacket(IPv4Address("192.0.2.1"), IPv4Address("192.0.2.2"), "icmp", 7, mss=0).encode()
     assert decode(ping) is not None
     assert decode(ping[:28] + b"somebody" + ping[36:]) is None

@@ -3,9 +3,16 @@
 import pytest
 
 from atlantis_netcfg.emulator.routeros.dataplane import ruleset
-from atlantis_netcfg.emulator.routeros.dataplane.ruleset import FILTER, MANGLE, NAT, Names, Row, translate
+from atlantis_netcfg.emulator.routeros.dataplane.ruleset import (
+    FILTER,
+    MANGLE,
+    NAT,
+    FirewallRow,
+    RowReferences,
+    translate,
+)
 
-NAMES = Names(
+REFERENCES = RowReferences(
     devices={"ether1-wan": "ether1"},
     interface_lists={"WAN": ("ether1-wan", "lte1")},
     address_lists={"ours": ("10.64.1.0/24",)},
@@ -39,34 +46,34 @@ CASES = {
 }
 
 
-def row(menu: str, words: str) -> Row:
-    return Row(menu, dict(word.split("=", 1) for word in words.split()))
+def row(menu: str, words: str) -> FirewallRow:
+    return FirewallRow(menu, dict(word.split("=", 1) for word in words.split()))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case[1])
 def test_a_row_is_one_rule(case: tuple[str, str]) -> None:
-    result = translate([row(*case)], NAMES)
+    result = translate([row(*case)], REFERENCES)
     assert [rule.text() for rule in result.rules] == [CASES[case]]
-    assert result.untranslated == ()
+    assert result.limits == ()
 
 
 @pytest.mark.parametrize(
     "words", ["action=add-src-to-address-list", "action=accept layer7-protocol=x", "action=accept limit=5,packet"]
 )
 def test_a_row_that_linux_cannot_stand_for_is_said(words: str) -> None:
-    result = translate([row(FILTER, f"chain=forward comment=mine {words}")], NAMES)
+    result = translate([row(FILTER, f"chain=forward comment=mine {words}")], REFERENCES)
     assert result.rules == ()
-    assert len(result.untranslated) == 1
-    assert "mine: unknown" in result.untranslated[0]
+    assert len(result.limits) == 1
+    assert "mine: unknown" in result.limits[0]
 
 
 def test_a_disabled_row_does_nothing() -> None:
-    assert translate([row(FILTER, "chain=forward action=drop disabled=yes")], NAMES).rules == ()
+    assert translate([row(FILTER, "chain=forward action=drop disabled=yes")], REFERENCES).rules == ()
 
 
 def test_chains_of_two_menus_with_one_name_are_two() -> None:
     rows = [row(menu, "chain=forward action=jump jump-target=mine") for menu in (FILTER, MANGLE)]
-    text = translate(rows, NAMES).text()
+    text = translate(rows, REFERENCES).text()
     assert "jump filter_mine" in text
     assert "jump mangle_mine" in text
     assert text.count("chain filter_mine") == text.count("chain mangle_mine") == 2

@@ -131,7 +131,7 @@ add action=reject chain=forward comment="atlantis: no DDS over satellite" dscp=1
 # The terminal's own pages cost no airtime: the technician and the router may reach them.
 add action=accept chain=output comment="atlantis: satellite, the terminal itself" dst-address=10.10.10.0/29 out-interface=ether2
 add action=jump chain=output comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether2
-add action=accept chain=forward comment="atlantis: technician to the terminal of satellite" dst-address=10.10.10.0/29 in-interface-list=MGMT out-interface=ether2
+add action=accept chain=forward comment="atlantis: technician to the terminal of satellite" dst-address=10.10.10.0/29 in-interface-list=MGMT out-interface=ether2 src-address=10.64.102.0/24
 add action=jump chain=forward comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether2
 add action=return chain=to-satellite comment="atlantis: VPN server" dst-address=203.0.113.2 dst-address-list=sat-allow dst-port=1194 protocol=udp
 add action=return chain=to-satellite comment="atlantis: ntp1.example.org" dst-address=192.0.2.123 dst-address-list=sat-allow dst-port=123 protocol=udp
