@@ -21,6 +21,8 @@ def declared() -> Inventory:
     return inventory()
 
 
+@pytest.mark.slow
+@pytest.mark.smoke("coastal")
 @pytest.mark.parametrize("site", SITES)
 def test_every_flow_of_a_site_does_what_the_inventory_intends(declared: Inventory, site: str) -> None:
     state = rows(declared, site)
@@ -111,6 +113,8 @@ MISTAKES = {
 """What is done to the text of coastal, over which link it shows, and a word of what is said."""
 
 
+@pytest.mark.slow
+@pytest.mark.smoke("the satellite's allow-list is dropped", "the tunnel is translated, too", "two rows are exchanged")
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_in_the_rows_is_found(declared: Inventory, mistake: str) -> None:
     edit, link, word = MISTAKES[mistake]
