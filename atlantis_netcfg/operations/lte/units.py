@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Subscriber, Verdict
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
@@ -255,7 +255,7 @@ def words(finding: LinkFinding) -> str:
     """Format a finding as a note: `WARN: ... (...)`; without verdict if it passes."""
     verdict = "" if finding.verdict is Verdict.PASS else f"{finding.verdict}: "
     hint = msg(f" ({arg(finding.hint)})" if finding.hint else "")
-    return msg(f"{verdict}{arg(finding.message)}{arg(hint)}")
+    return join("", (verdict, finding.message, hint))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.qualify import figures
 from atlantis_netcfg.links.qualify.compare import clock_words, loss_shares
@@ -153,7 +153,7 @@ def _path_section(record: QualifyRecord) -> PageSection:
         for item in run.counts
     )
     why = msg(f": {arg(run.way_reason)}" if run.way_reason else "")
-    notes = [f"{run.way.value}{why}"]
+    notes = [join("", (run.way.value, why))]
     if rows:
         whose = "this computer's tunnel" if run.far_end.over_vpn else "this run"
         notes.append(

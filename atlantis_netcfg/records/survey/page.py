@@ -193,8 +193,8 @@ def _category_layer(survey: Survey, frame: MapFrame, name: str, title: str) -> V
 def _mark(frame: MapFrame, point: SurveyPoint, band: int | None, words: str) -> TrackMark:
     x, y = frame.to_sheet(*(point.position or (0.0, 0.0)))
     place = msg(f"{arg(point.place)}, " if point.place else "")
-    title = f"point {arg(point.number)}, {arg(place)}{arg(point.at):%H:%M:%S} UTC: {arg(words)}"
-    return TrackMark(x, y, band, translate(title))
+    title = translate(f"point {arg(point.number)}, {arg(place)}{arg(point.at):%H:%M:%S} UTC: {arg(words)}")
+    return TrackMark(x, y, band, title)
 
 
 def _missing_reason(point: SurveyPoint, name: str) -> str:

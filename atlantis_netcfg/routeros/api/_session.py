@@ -13,7 +13,7 @@ import os
 import ssl
 from typing import TYPE_CHECKING, Final, Self
 
-from atlantis_netcfg.core.messages import arg
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.routeros.api import _tls, _values
 from atlantis_netcfg.routeros.api._wire import Wire
 
@@ -40,7 +40,7 @@ async def _send_login(wire: Wire, endpoint: _values.Endpoint, proof: tuple[str, 
     try:
         (reply,) = await wire.exchange([command], patience_s, patience_s)
     except _values.SessionLost as lost:
-        raise type(lost)(f"{arg(lost)} (during the login of `{arg(endpoint.user)}`)", in_flight=False) from None
+        raise type(lost)(msg(f"{arg(lost)} (during the login of `{arg(endpoint.user)}`)"), in_flight=False) from None
     if reply.trap is not None:
         raise _values.LoginError(
             f"{arg(endpoint)} refused the login of `{arg(endpoint.user)}`: {arg(reply.trap.message)}",

@@ -15,9 +15,15 @@ def last_name(node: ast.AST) -> str:
 
 
 def error_classes(root: str) -> set[str]:
-    """The errors whose text and hint become messages: `root` and what hands them on unchanged."""
+    """The errors whose text and hint become messages: `root` and what hands on `message` and hint unchanged."""
     classes = [node for tree in TREES.values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
-    own = {node.name for node in classes for item in node.body if getattr(item, "name", "") == "__init__"}
+    own = {
+        node.name
+        for node in classes
+        for item in node.body
+        if isinstance(item, ast.FunctionDef) and item.name == "__init__" and item.args.args[1:2] != []
+        if item.args.args[1].arg != "message"
+    }
     result = {root}
     while (
         more := {node.name for node in classes if result & set(map(last_name, node.bases)) and node.name not in own}
@@ -44,8 +50,8 @@ def is_call(node: ast.AST | None, *names: str) -> bool:
 
 def makes_messages(node: ast.AST, above: dict[ast.AST, ast.AST]) -> bool:
     """Whether the text that an expression is part of is given to what makes a message of it."""
-    parts = ast.FormattedValue | ast.JoinedStr | ast.IfExp | ast.BinOp | ast.keyword
-    while isinstance(above[node], parts) or is_call(above[node], "str", "format"):
+    parts = ast.FormattedValue | ast.JoinedStr | ast.IfExp | ast.BinOp | ast.Lambda | ast.keyword
+    while isinstance(above[node], parts) or is_call(above[node], "str", "format", "sub"):
         node = above[node]
     name = getattr(node, "arg", "") if isinstance(node, ast.keyword) else ""
     call = above[node]
