@@ -133,7 +133,7 @@ NOT_MESSAGES = _set("""
 """Functions whose texts are no messages: patterns, keys, names of files, and errors of ours that nobody is shown."""
 SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", "Consent", "Event"})
 """Functions whose texts are messages even where they are a single word."""
-LABELLED = frozenset({"_item", "read", "measured_evidence", "declared_evidence"})
+LABELLED = frozenset({"item", "read", "measured_evidence", "declared_evidence"})
 """Functions whose first text is the name of an item or of a reading, even where it is a single word."""
 SHOWN_NAMES = _set("""
     Stage DriftKind Owner PageText _TITLES _EVIDENCE _STATES _KINDS EVIDENCE KINDS PHASES _PHASES
@@ -253,8 +253,6 @@ MADE = (
     "disabled",
     "network",
     "way",
-    "rehearsals",
-    "checkout",
     "port link",
     "loss",
     "status",
@@ -278,6 +276,8 @@ MADE = (
     "carrier nat",
     "firmware",
     "{number} assumptions about RouterOS that no document or record confirms: {page}",
+    "the emulated {vehicle}",
+    "robots: no packet of DDS is carried; what is heard follows from their files, and so does who is in the VPN",
     "lte router",
     "satellite terminal",
     "vpn server",

@@ -339,7 +339,7 @@ def _usage_section(record: QualifyRecord) -> PageSection:
             UNKNOWN if record.mb_per_hour is None else f"{record.mb_per_hour:.1f} MB/h",
         ),
         ("price of this run", money),
-        ("duration", UNKNOWN if duration_s is None else f"{duration_s:.0f} s"),
+        (msg("duration"), UNKNOWN if duration_s is None else f"{duration_s:.0f} s"),
         ("reason for the end", run.reason),
     ]
     limits = run.budget
@@ -359,8 +359,8 @@ def _circumstances(record: QualifyRecord) -> PageSection:
         ("test packets", "authenticated with a key" if end.authenticated else "not authenticated"),
         ("sent from", end.source),
         ("this computer's clock", clock_words(run)),
-        ("start", time_text(run.begun, run.time_zone)),
-        ("end", UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
+        (msg("start"), time_text(run.begun, run.time_zone)),
+        (msg("end"), UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
         ("what was measured", run.selection.value),
         ("tool", f"atlantis-netcfg {run.tool}"),
         ("SHA-256 of samples.jsonl", record.samples_sha256),
