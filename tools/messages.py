@@ -34,6 +34,11 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "atlantis_netcfg"
 PORTUGUESE = ROOT / PACKAGE / "locale" / "pt_PT" / "LC_MESSAGES" / "provision.po"
 
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
 IN = (
     "ansible_collections/atlantis/netcfg/plugins/action",
     "ansible_collections/atlantis/netcfg/plugins/module_utils",
@@ -83,6 +88,11 @@ IN = (
 Not here, and in English in every language: the making of bundles.
 """
 
+ERRORS = _set("""
+    core/crash_report.py links/lte/at.py links/lte/rutos_read.py links/qualify/profile.py routeros/_items.py
+    routeros/api/_values.py routeros/api/_wire.py vpn/names.py vpn/server.py
+    """)
+"""Files of which only raised errors and `msg` texts are messages; the rest is data."""
 NOT_REHEARSED = "emulator"
 """Of this part only what `NOT_REHEARSED` lists is read by a person; the rest are the words of devices."""
 HANDOUT = "templates/handout"
@@ -91,8 +101,6 @@ PLAYS = ("playbooks", "roles")
 """Folders whose tasks are named on the progress line."""
 
 OUT: Mapping[str, str] = {
-    "links/lte/at.py": "commands and answers of modems; what is judged of them stands in judge.py",
-    "links/lte/rutos_read.py": "keys and answers of a router's JSON",
     "checklist/probes/agent": "a program that runs on the gateway; what it saw is data, judged by the probes",
     "robots/listener.py": "a program that runs on other computers; what it heard is data",
     "core/compiled_catalogue.py": "a damaged file is written again, and no one is told",
@@ -106,23 +114,15 @@ OUT: Mapping[str, str] = {
     "operations/computers/_emulation.py": "programs of a rehearsal, and what Ansible calls them",
     "computers/bundle": "the making of bundles, which is in English",
     "core/processes/remote_bundle.py": "names of files",
-    "core/crash_report.py": "the log file of a crash; its one sentence is added by hand",
     "core/eventlog.py": "lines of a log",
-    "routeros/api/_values.py": "the wire",
-    "routeros/api/_wire.py": "the wire",
     "routeros/assumptions.py": "what engineers have to test on a real device; no command prints it",
     "operations/lte/assumptions.py": "what engineers have to test on a real unit, as of RouterOS",
     "routeros/menus": "RouterOS's own language",
     "routeros/rsc": "the grammar of export text",
-    "routeros/_items.py": "RouterOS's own language",
     "routeros/apply/_inverse.py": "RouterOS's own language",
     "routeros/apply/_scripts.py": "RouterOS's own language",
 }
 """Parts of IN whose text is no message, or reaches nobody as one."""
-
-
-def _set(words: str) -> frozenset[str]:
-    return frozenset(words.split())
 
 
 NOT_MESSAGES = _set("""
@@ -135,9 +135,11 @@ NOT_MESSAGES = _set("""
 """Functions whose texts are no messages: patterns, keys, names of files, and errors of ours that nobody is shown."""
 SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", "Consent", "Event"})
 """Functions whose texts are messages even where they are a single word."""
+LABELLED = frozenset({"item", "read", "measured_evidence", "declared_evidence"})
+"""Functions whose first text is the name of an item or of a reading, even where it is a single word."""
 SHOWN_NAMES = _set("""
     Stage DriftKind Owner PageText _TITLES _EVIDENCE _STATES _KINDS EVIDENCE KINDS PHASES _PHASES
-    FigureTrend RateLimit
+    FigureTrend RateLimit DoctorSection TrafficSource
     """)
 """Classes and tables whose texts are messages even where they are a single word."""
 MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
@@ -224,9 +226,6 @@ MADE = (
     "background",
     "1 device",
     "1 link",
-    "probes {size}",
-    "time {size}",
-    "telemetry {size}",
     "criterion",
     "measured",
     "limit",
@@ -246,6 +245,70 @@ MADE = (
     "policy",
     "cleanup",
     "nothing",
+    "registered home",
+    "registered roaming",
+    "denied",
+    "sim missing",
+    "sim pin required",
+    "sim puk required",
+    "disabled",
+    "network",
+    "way",
+    "port link",
+    "loss",
+    "status",
+    "channel",
+    "signal",
+    "tx signal",
+    "tx rate",
+    "rx rate",
+    "uptime",
+    "peer",
+    "far signal",
+    "next hop seen",
+    "kept off packets",
+    "kept off",
+    "registration",
+    "operator",
+    "access tech",
+    "band",
+    "roaming",
+    "address",
+    "carrier nat",
+    "firmware",
+    "{number} assumptions about RouterOS that no document or record confirms: {page}",
+    "the emulated {vehicle}",
+    "robots: no packet of DDS is carried; what is heard follows from their files, and so does who is in the VPN",
+    "lte router",
+    "satellite terminal",
+    "vpn server",
+    "operator station",
+    "control centre",
+    "gateway",
+    "switch",
+    "router",
+    "why",
+    "link",
+    "what",
+    "amount",
+    "value",
+    "certainty",
+    "up %",
+    "down %",
+    "size          octets    Hz  sent  recv   up% down%  p50 s  p95 s  verdict",
+    "4G registration",
+    "4G technology",
+    "4G operator",
+    "4G band",
+    "4G cell",
+    "4G unit",
+    "{variable} is set",
+    "missing: apt install {packages}",
+    "installing {packages}",
+    "not Linux",
+    "the kernel has no overlay file system",
+    "this computer may not make namespaces",
+    "no machine can be run here: {reason}",
     (
         "over {name}, which stands before other links, nobody is asked: while its box answers,"
         " silence behind it moves no traffic"
@@ -261,7 +324,7 @@ MADE = (
     ),
 )
 """Messages that are put together of words, or stand in a template of a device (templates/routeros)."""
-SHOWN_KEYWORDS = frozenset({"hint", "help", "summary", "words", "message", "question", "title"})
+SHOWN_KEYWORDS = frozenset({"hint", "help", "summary", "words", "message", "question", "title", "what"})
 NOT_KEYWORDS = _set("""
     encoding errors newline mode pattern flags suffix prefix example name takes
     """)
@@ -273,7 +336,7 @@ _FOREIGN = re.compile(
     r"^/|^:|^\$|^-{1,2}[a-z]|^#|^\.id|^<|^\*|^[A-Za-z_]+=\S*$|^AT\+"
     r"|^if \{|^ssh |^python3? |^import |^def |^[a-z-]+ --[a-z]"
     r"|\(\?|\\[dws]|\[\^|^%"
-    r"|^\{[a-z_]+\}( \{[a-z_]+\})*$"
+    r"|^\{[a-z_]+\}( \{[a-z_]+\})*$|^\{[a-z_]+\}[/.]\S*$"
 )
 """Commands of devices and programs, patterns, and values alone."""
 _TASK = re.compile(r"^ *- name: ([A-Z][^\n{#]*?)(?: #.*)?$", re.MULTILINE)
@@ -296,7 +359,7 @@ def _chosen(name: str) -> bool:
     def under(parts: Iterable[str]) -> bool:
         return any(name == part or name.startswith(f"{part}/") for part in parts)
 
-    return under(IN) and not under(OUT)
+    return name in ERRORS or (under(IN) and not under(OUT))
 
 
 def messages(root: Path = ROOT) -> dict[str, list[str]]:
@@ -315,7 +378,8 @@ def _texts(root: Path) -> Iterator[tuple[Path, Iterable[str]]]:
     """The files of all kinds, with their messages."""
     yield root / "tools" / "messages.py", MADE
     for path in in_scope(root):
-        yield path, of_source(path.read_text(encoding="utf-8"), template=path.suffix == ".j2")
+        is_data = path.relative_to(root / PACKAGE).as_posix() in ERRORS
+        yield path, of_source(path.read_text(encoding="utf-8"), template=path.suffix == ".j2", errors_only=is_data)
     for path in sorted((root / PACKAGE / NOT_REHEARSED).rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         listed = [node for node in tree.body if isinstance(node, ast.Assign) and _target(node) == "NOT_REHEARSED"]
@@ -330,13 +394,21 @@ def _target(node: ast.Assign) -> str:
     return node.targets[0].id if isinstance(node.targets[0], ast.Name) else ""
 
 
-def of_source(source: str, *, template: bool = False) -> Iterator[str]:
+def of_source(source: str, *, template: bool = False, errors_only: bool = False) -> Iterator[str]:
     """The messages of one file."""
     if template:
         for item in _TEMPLATE_TEXT.finditer(source):
             yield from _lines([item["text"] or item["filtered"] or ""], sure=True)
         return
-    yield from _Reader.of(ast.parse(source))
+    tree = ast.parse(source)
+    for part in filter(_is_error_text, ast.walk(tree)) if errors_only else [tree]:
+        yield from _Reader.of(part)
+
+
+def _is_error_text(node: ast.AST) -> bool:
+    if isinstance(node, ast.Raise):
+        return isinstance(node.exc, ast.Call) and _last_name(node.exc.func) not in {"ValueError", "GarbageError"}
+    return isinstance(node, ast.Call) and _last_name(node.func) == "msg"
 
 
 _TAG_LINE = re.compile(r"^\{%.*%\}$", re.MULTILINE)
@@ -466,7 +538,7 @@ class _Reader(ast.NodeVisitor):
         """Know whether texts here are messages."""
         name = _last_name(node.func)
         if name == "msg":
-            self.visit(node.args[0])
+            self._inside(node.args[0], sure=True)
             return
         if isinstance(node.func, ast.Attribute):
             self.visit(node.func.value)
@@ -477,14 +549,15 @@ class _Reader(ast.NodeVisitor):
             return
         shown = name in SHOWN
         for place, argument in enumerate(node.args):
-            self._inside(argument, sure=shown and not (name in {"Word", "Flag", "CommandSpec", "Event"} and place == 0))
+            after_name = name in {"Word", "Flag", "CommandSpec", "Event"} and place == 0
+            self._inside(argument, sure=(shown and not after_name) or (name in LABELLED and place == 0))
         for keyword in node.keywords:
             if keyword.arg not in NOT_KEYWORDS or name == "CommandSpec":  # its flags are options, with a help each
                 self._inside(keyword.value, sure=keyword.arg in SHOWN_KEYWORDS)
 
     def _inside(self, node: ast.expr, *, sure: bool) -> None:
         while isinstance(node, ast.Call) and _last_name(node.func) == "msg":
-            node = node.args[0]
+            node, sure = node.args[0], True
         direct = isinstance(node, ast.Constant | ast.JoinedStr | ast.IfExp | ast.BoolOp | ast.BinOp)
         before, self._sure = self._sure, sure and direct
         self.visit(node)

@@ -119,12 +119,12 @@ def _source_lines(source: RobotSource) -> Iterator[str]:
     topics = Counter(topic.kind.value for topic in robot.topics())
     commands = Counter(kind.value for kind, _, _ in robot.every_command())
     rows = (
-        ("topics", topics.total(), _counts(topics)),
-        ("commands", commands.total(), _counts(commands)),
-        ("videos", len(robot.video), join(", ", (stream.label for stream in robot.video))),
+        (translate("topics"), topics.total(), _counts(topics)),
+        (translate("commands"), commands.total(), _counts(commands)),
+        (translate("videos"), len(robot.video), join(", ", (stream.label for stream in robot.video))),
     )
     for word, count, words in rows:
-        yield f"  {count:>3} {translate(word):<9} {words}".rstrip()
+        yield f"  {count:>3} {word:<9} {words}".rstrip()
     executor = robot.mission_executor.action
     plans = msg(
         f"planning by the action {arg(robot.full_name(executor))}"

@@ -305,8 +305,8 @@ def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_r
     lines = [
         msg(f"Survey of {arg(survey.header.link)} of {arg(survey.header.site)}, {arg(survey.header.id)}"),
         *(["emulated devices; no real device was contacted"] if is_rehearsal else []),
-        *(f"  {line}" for line in summary(survey)),
-        *([f"  {count_limits(len(beyond))}"] if beyond else []),
+        *(msg(f"  {arg(line)}") for line in summary(survey)),
+        *([msg(f"  {arg(count_limits(len(beyond)))}")] if beyond else []),
         msg(f"saved: {arg(folder)}"),
         result.words,
     ]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.paths import private_directory
 
 if TYPE_CHECKING:
@@ -24,12 +25,14 @@ class InternalError(NetcfgError):
 
 def report_crash(error: BaseException, doing: str, state: Callable[[], Path]) -> InternalError:
     """Write the traceback below the state directory and report it; if that fails, report the cause instead."""
-    message = f"provision itself failed ({type(error).__name__}): this is a defect of the program, not your mistake"
+    message = msg(
+        f"provision itself failed ({arg(type(error).__name__)}): this is a defect of the program, not your mistake"
+    )
     try:
         text = "".join(traceback.format_exception(error))
-        hint = f"please send us the log file {write_log(text, doing, state())}"
+        hint = msg(f"please send us the log file {arg(write_log(text, doing, state()))}")
     except (NetcfgError, OSError) as no_log:
-        hint = f"no log file could be written ({no_log}); the cause was: {error}"
+        hint = msg(f"no log file could be written ({arg(no_log)}); the cause was: {arg(error)}")
     return InternalError(message, hint=hint)
 
 

@@ -15,7 +15,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceError
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -141,7 +141,7 @@ class Preview:
             whole = size(self.bill.payload_bytes)
             return msg(f"over {arg(name)} (not metered): {'up to' if at_most else 'about'} {arg(whole)}")
         missing = msg("" if self.bill.price is not None else f" ({arg(self.link.tariff_key)} is not set)")
-        cost = f"{self.bill.words}{missing}"
+        cost = join("", (self.bill.words, missing))
         return msg(
             f"over metered link {arg(name)} of {arg(self.link.site)}: {'up to' if at_most else 'about'} {arg(cost)}"
         )

@@ -349,7 +349,7 @@ class StandingTraffic:
     @property
     def words(self) -> tuple[str, ...]:
         """The traffic as lines of text: `39.5 MB a day, 1186.2 MB a month …`."""
-        parts = join(", ", (f"{flow.source} {size(round(flow.both))}" for flow in self.flows))
+        parts = join(", ", (join(" ", (msg(flow.source), size(round(flow.both)))) for flow in self.flows))
         price = msg(f": {arg(self.bill.money)}" if self.link.is_metered else "")
         lines = [
             msg(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.core.messages import arg, conjunction, msg
 from atlantis_netcfg.routeros import menus
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ class Mistake(UsageError):
 def near(word: str, words: Iterable[str]) -> str:
     """Return `; did you mean X?`, or nothing when no word is close."""
     close = nearest(word, words)
-    return f"; did you mean {close}?" if close else ""
+    return msg(f"; did you mean {arg(close)}?") if close else ""
 
 
 def known_menu(path: str) -> menus.Menu:
@@ -111,7 +112,7 @@ def known_menu(path: str) -> menus.Menu:
     if path not in menus.MENUS:
         title = "/" + path.strip("/").replace("/", " ")
         hint = near(title, (menu.title for menu in menus.MENUS.values()))
-        raise Mistake(f"{title} is no menu that can be declared{hint}")
+        raise Mistake(f"{arg(title)} is no menu that can be declared{arg(hint)}")
     return menus.MENUS[path]
 
 
@@ -119,23 +120,23 @@ def item_of(statement: Statement) -> RowItem:
     """Convert one statement to its desired row. Raises Mistake, without file and line."""
     menu = known_menu(statement.menu)
     if menu.readonly:
-        raise Mistake(f"{menu.title} can be looked at, but not declared")
+        raise Mistake(f"{arg(menu.title)} can be looked at, but not declared")
     if statement.verb == "add":
         return _build_added_item(menu, statement)
     if statement.verb == "set":
         return _build_set_item(menu, statement)
-    raise Mistake(f"`{statement.verb}` is not allowed in a declaration: write `add` or `set`")
+    raise Mistake(f"`{arg(statement.verb)}` is not allowed in a declaration: write `add` or `set`")
 
 
 def _build_added_item(menu: menus.Menu, statement: Statement) -> RowItem:
     if menu.shape is menus.Shape.SINGLETON:
-        raise Mistake(f"{menu.title} holds settings and no rows: write `set` instead of `add`")
+        raise Mistake(f"{arg(menu.title)} holds settings and no rows: write `set` instead of `add`")
     if menu.shape is menus.Shape.FIXED:
-        raise Mistake(f"the rows of {menu.title} are there already: write `set [ find {menu.keys[0]}=... ]`")
+        raise Mistake(f"the rows of {arg(menu.title)} are there already: write `set [ find {arg(menu.keys[0])}=... ]`")
     values = _values(menu, statement)
     for key in menu.keys:
         if values.get(key) is None and (key in values or menu.by_name[key].default is None):
-            raise Mistake(f"a row of {menu.title} needs `{key}`, which tells it from the others")
+            raise Mistake(f"a row of {arg(menu.title)} needs `{arg(key)}`, which tells it from the others")
     return RowItem(menu.path, values, statement.line)
 
 
@@ -143,14 +144,15 @@ def _build_set_item(menu: menus.Menu, statement: Statement) -> RowItem:
     values = _values(menu, statement)
     if menu.shape is menus.Shape.SINGLETON:
         if statement.find is not None or statement.target is not None:
-            raise Mistake(f"{menu.title} holds settings and no rows: write `set name=value` without a row")
+            raise Mistake(f"{arg(menu.title)} holds settings and no rows: write `set name=value` without a row")
         return RowItem(menu.path, values, statement.line)
     keys = _parse_selector(menu, statement)
     # A key may be written only where the row is found by another property: `set [ find default-name=ether1 ] name=wan`.
     changed_keys = [key for key in menu.keys if key in values and values[key] != keys[key]]
     if changed_keys:
         raise Mistake(
-            f"`{changed_keys[0]}` tells the rows of {menu.title} apart and cannot be changed: declare a new row"
+            f"`{arg(changed_keys[0])}` tells the rows of {arg(menu.title)} apart and cannot be changed: "
+            "declare a new row"
         )
     return RowItem(menu.path, {**keys, **values}, statement.line, exists=True)
 
@@ -159,14 +161,18 @@ def _parse_selector(menu: menus.Menu, statement: Statement) -> dict[str, str]:
     """Return the key values given by the statement's selector."""
     example = " ".join(f"{key}=..." for key in menu.keys)
     if not menu.keys:
-        raise Mistake(f"rows of {menu.title} have no name to find them by: declare them with `add`")
+        raise Mistake(f"rows of {arg(menu.title)} have no name to find them by: declare them with `add`")
     if statement.target is not None:
         if statement.target.isdecimal() or statement.target.startswith("*") or len(menu.keys) > 1:
-            raise Mistake(f"`{statement.target}` is another row on another router: write `set [ find {example} ]`")
+            raise Mistake(
+                f"`{arg(statement.target)}` is another row on another router: write `set [ find {arg(example)} ]`"
+            )
         return {menu.keys[0]: statement.target}
     result = dict(statement.find or ())
     if set(result) != set(menu.keys):
-        raise Mistake(f"a row of {menu.title} is found by its {' and '.join(menu.keys)}: write `[ find {example} ]`")
+        raise Mistake(
+            f"a row of {arg(menu.title)} is found by its {arg(conjunction(menu.keys))}: write `[ find {arg(example)} ]`"
+        )
     return result
 
 
@@ -174,8 +180,8 @@ def _values(menu: menus.Menu, statement: Statement) -> dict[str, str | None]:
     values: dict[str, str | None] = {}
     for name, value in statement.values:
         if name not in menu.by_name:
-            raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
+            raise Mistake(f"{arg(menu.title)} has no argument `{arg(name)}`{arg(near(name, menu.by_name))}")
         if name in values:
-            raise Mistake(f"`{name}` is given twice")
+            raise Mistake(f"`{arg(name)}` is given twice")
         values[name] = value
     return values

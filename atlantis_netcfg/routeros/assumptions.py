@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from atlantis_netcfg.core.messages import arg, msg
+
 READS: Final = "by reading"
 """Assumption shown by reading: `provision device verify` reads the device."""
 TRY: Final = "needs --try"
@@ -449,4 +451,4 @@ ASSUMPTIONS: Final = (
 def summarize_assumptions() -> str:
     """Return the line of a rehearsal that counts its assumptions."""
     page = "docs/engineers/assumptions.md"
-    return f"{len(ASSUMPTIONS)} assumptions about RouterOS that no document or record confirms: {page}"
+    return msg(f"{arg(len(ASSUMPTIONS))} assumptions about RouterOS that no document or record confirms: {arg(page)}")

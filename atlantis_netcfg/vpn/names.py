@@ -39,12 +39,12 @@ RESERVED_WORDS = frozenset(f"{_OPENVPN} {_NFT}".split())
 
 _MAX_SHOWN = 60
 _WHY = {
-    "\0": "has a NUL in it: what comes after it is not read by everybody",
-    "/": "has a `/` in it, which leads to another folder",
-    "\\": "has a backslash in it",
-    ".": "has a dot in it",
-    "_": "has a `_` in it: write `-`",
-    " ": "has a space in it",
+    "\0": msg("has a NUL in it: what comes after it is not read by everybody"),
+    "/": msg("has a `/` in it, which leads to another folder"),
+    "\\": msg("has a backslash in it"),
+    ".": msg("has a dot in it"),
+    "_": msg("has a `_` in it: write `-`"),
+    " ": msg("has a space in it"),
 }
 
 
@@ -117,9 +117,9 @@ def _printable(text: str) -> str:
 
 def _explain_bad_name(text: str) -> str:
     if not text:
-        return "is empty"
+        return msg("is empty")
     if text.endswith(("\n", "\r")):
-        return "has a line break at its end"
+        return msg("has a line break at its end")
     if strange := next((letter for letter in text if not letter.isascii()), None):
         return msg(f"has {arg(_letter_name(strange))} in it: letters are a to z without accents")
     for letter, why in _WHY.items():
@@ -130,11 +130,11 @@ def _explain_bad_name(text: str) -> str:
 
 def _why_plain(text: str) -> str:
     if text.startswith("-"):
-        return "begins with `-`, as options do"
+        return msg("begins with `-`, as options do")
     if text.endswith("-"):
-        return "ends with `-`"
+        return msg("ends with `-`")
     if any(letter.isupper() for letter in text):
-        return "has capital letters: names are written small"
+        return msg("has capital letters: names are written small")
     if wrong := next((letter for letter in text if not (letter.isalnum() or letter == "-")), None):
         return msg(f"has `{arg(_printable(wrong))}` in it: names have a to z, 0 to 9, and `-` between them")
     return msg(f"has {arg(len(text))} characters: {arg(LONGEST)} at most")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.computers import parts
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.messages import arg
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.inventory.model import Router, VpnServer
 from atlantis_netcfg.routeros.render import environment, template_folder
 from atlantis_netcfg.vpn import identity
@@ -335,6 +335,6 @@ def _read(authority: Path, name: str) -> bytes:
 
 def _missing(authority: Path, name: str) -> UsageError:
     return UsageError(
-        f"the VPN has no authority on this computer: there is no {arg(name)} in {arg(authority)}",
-        hint="create one: `provision vpn init`; if a colleague has it, do not copy it: let them run this",
+        msg(f"the VPN has no authority on this computer: there is no {arg(name)} in {arg(authority)}"),
+        hint=msg("create one: `provision vpn init`; if a colleague has it, do not copy it: let them run this"),
     )

@@ -27,7 +27,7 @@ from atlantis_netcfg.checklist.probes.ping import (
     route_request,
 )
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import ETHERNET, EthernetEndpoint
 from atlantis_netcfg.links import LinkFinding
 from atlantis_netcfg.links.status import Query
@@ -40,7 +40,7 @@ _COUNTERS = ("name", "default-name", "running", "disabled", "rx-error", "tx-erro
 _TRUE = frozenset({"true", "yes"})
 _SLOW = frozenset({"10Mbps"})
 """Link rates that a cable with a broken pair, or an end set by hand, falls back to."""
-_PORT_VALUES = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "receive errors"))
+_PORT_VALUES = (("rate", msg("rate")), ("full-duplex", "full duplex"), ("rx-error", "receive errors"))
 _MORE = (("tx-error", "transmit errors"), ("link-downs", "link losses"))
 
 
@@ -124,7 +124,9 @@ def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[Link
 def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[report.Evidence, ...]:
     where = msg(f"at port {arg(port)} of {arg(router)}")
     return tuple(
-        base.read(f"{words} {where}", values[name]) for name, words in (*_PORT_VALUES, *_MORE) if values.get(name)
+        base.read(join(" ", (words, where)), values[name])
+        for name, words in (*_PORT_VALUES, *_MORE)
+        if values.get(name)
     )
 
 

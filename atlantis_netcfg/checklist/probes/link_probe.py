@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory.model import Column, Link
 from atlantis_netcfg.links import LinkFinding, LinkState
 
@@ -126,7 +126,7 @@ def _evidence(values: Mapping[str, Any]) -> tuple[report.Evidence, ...]:
     quality = (values.get("quality") or {}).items()
     of = msg(f"of {arg(values['box'])}" if values.get("box") else "of the link")
     readings = [
-        base.read(f"{name} {of}", value, unit)
+        base.read(join(" ", (name, of)), value, unit)
         for key, value in quality
         if value is not None
         for name, unit in [_split_name(key)]
@@ -137,7 +137,7 @@ def _evidence(values: Mapping[str, Any]) -> tuple[report.Evidence, ...]:
 def _split_name(key: str) -> tuple[str, str]:
     """Split a reading's name: `tx_rate_mbps` becomes `tx rate` in Mbit/s."""
     end = next((end for end in _UNITS if key.endswith(end)), "")
-    return key.removesuffix(end).replace("_", " "), _UNITS.get(end, "")
+    return msg(key.removesuffix(end).replace("_", " ")), _UNITS.get(end, "")
 
 
 def reserved_mac(cell: base.Cell, mac: object) -> str | None:
@@ -165,7 +165,7 @@ def _check_registration(values: Mapping[str, Any]) -> LinkFinding | None:
     quality = values.get("quality") or {}
     if up is None or up.verdict is not Verdict.PASS or not quality.get("registration"):
         return up
-    words = f"{quality['registration']}".replace("_", " ")
+    words = msg(str(quality["registration"]).replace("_", " "))
     network = msg(f" in {arg(quality['operator'])}" if quality.get("operator") else "")
     return LinkFinding(up.verdict, up.code, msg(f"{arg(up.message)}; the unit reports: {arg(words)}{arg(network)}"))
 

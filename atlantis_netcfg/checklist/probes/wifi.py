@@ -486,19 +486,21 @@ class AssociatedProbe:
         sent_mbps, received_mbps = _rates(link, station)
         values = (
             (
-                "access point received by",
+                msg(f"access point received by {arg(at)}"),
                 msg(f"{arg(link.ssid or '?')} ({arg(link.bssid)})" if link.bssid else "none"),
                 "",
             ),
-            ("channel of", link.frequency_mhz, "MHz"),
-            ("signal at", _signal_level(link, station), "dBm"),
-            ("chains of", join(", ", (f"{item:g}" for item in station.chains_dbm)) if station else None, "dBm"),
-            ("transmit rate of", sent_mbps, "Mbit/s"),
-            ("receive rate of", received_mbps, "Mbit/s"),
+            (msg(f"channel of {arg(at)}"), link.frequency_mhz, "MHz"),
+            (msg(f"signal at {arg(at)}"), _signal_level(link, station), "dBm"),
+            (
+                msg(f"chains of {arg(at)}"),
+                join(", ", (f"{item:g}" for item in station.chains_dbm)) if station else None,
+                "dBm",
+            ),
+            (msg(f"transmit rate of {arg(at)}"), sent_mbps, "Mbit/s"),
+            (msg(f"receive rate of {arg(at)}"), received_mbps, "Mbit/s"),
         )
-        result = tuple(
-            base.read(f"{what} {at}", value, unit) for what, value, unit in values if value not in {None, ""}
-        )
+        result = tuple(base.read(what, value, unit) for what, value, unit in values if value not in {None, ""})
         bounds = msg(f"{arg(self.endpoint.low_dbm):g} to {arg(self.endpoint.high_dbm):g} dBm")
         return (*result, base.declared_evidence("expected signal", bounds))
 
@@ -614,15 +616,15 @@ class RegisteredProbe:
     def _evidence(self, host: str, peer: wifi.WifiPeer) -> tuple[report.Evidence, ...]:
         chains = join(", ", ("?" if item is None else f"{item:g}" for item in peer.chains_dbm))
         values = (
-            ("station registered at", peer.mac, ""),
-            ("signal at", peer.signal_dbm, "dBm"),
-            ("chains of", chains or None, "dBm"),
-            ("signal-to-noise ratio at", peer.snr_db, "dB"),
-            ("transmit rate of", peer.tx_rate_mbps, "Mbit/s"),
-            ("receive rate of", peer.rx_rate_mbps, "Mbit/s"),
-            ("time since registration, at", peer.uptime_s, "s"),
+            (msg(f"station registered at {arg(host)}"), peer.mac, ""),
+            (msg(f"signal at {arg(host)}"), peer.signal_dbm, "dBm"),
+            (msg(f"chains of {arg(host)}"), chains or None, "dBm"),
+            (msg(f"signal-to-noise ratio at {arg(host)}"), peer.snr_db, "dB"),
+            (msg(f"transmit rate of {arg(host)}"), peer.tx_rate_mbps, "Mbit/s"),
+            (msg(f"receive rate of {arg(host)}"), peer.rx_rate_mbps, "Mbit/s"),
+            (msg(f"time since registration, at {arg(host)}"), peer.uptime_s, "s"),
         )
-        result = tuple(base.read(f"{what} {host}", value, unit) for what, value, unit in values if value is not None)
+        result = tuple(base.read(what, value, unit) for what, value, unit in values if value is not None)
         bounds = msg(f"{arg(self.endpoint.low_dbm):g} to {arg(self.endpoint.high_dbm):g} dBm")
         return (*result, base.declared_evidence("expected signal", bounds))
 

@@ -20,6 +20,7 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator.lab import hosts, reaper
 from atlantis_netcfg.emulator.lab.rootfs import in_use
 
@@ -49,7 +50,7 @@ def why_not(environ: Mapping[str, str] | None = None) -> str | None:
     if why := _disabled_reason(environ):
         return why
     packages = missing_packages()
-    return f"missing: apt install {' '.join(packages)}" if packages else _forbidden()
+    return msg(f"missing: apt install {arg(' '.join(packages))}") if packages else _forbidden()
 
 
 def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = None) -> None:
@@ -60,7 +61,7 @@ def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = Non
     packages = () if _disabled_reason(environ) else missing_packages()
     if not packages or shutil.which("apt-get") is None:
         return
-    tell(f"installing {' '.join(packages)}")
+    tell(msg(f"installing {arg(' '.join(packages))}"))
     quiet = ("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq", "-o", "DPkg::Lock::Timeout=300")
     install = (*quiet, "install", "-y", "--no-install-recommends", *packages)
     if hosts.output_of(install).returncode:
@@ -70,7 +71,7 @@ def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = Non
 
 def _disabled_reason(environ: Mapping[str, str] | None) -> str | None:
     if (os.environ if environ is None else environ).get(OFF) is not None:
-        return f"{OFF} is set"
+        return msg(f"{arg(OFF)} is set")
     if sys.platform != "linux":
         return "not Linux"
     return "not root" if os.geteuid() != 0 else None

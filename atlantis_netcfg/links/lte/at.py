@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Self
 import serial
 
 from atlantis_netcfg.core.errors import DeviceError, NetcfgError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
 
 if TYPE_CHECKING:
@@ -269,7 +270,7 @@ def require_allowed(command: str) -> str:
     """Return the command if it is allowed; raise CommandForbidden otherwise."""
     if command not in ALLOW_LIST:
         word = command.partition("=")[0]
-        raise CommandForbidden(f"`{word}` is not on the allow-list of modem commands: it was not sent")
+        raise CommandForbidden(f"`{arg(word)}` is not on the allow-list of modem commands: it was not sent")
     return command
 
 
@@ -291,12 +292,12 @@ def require_free(port: str, *, proc: Path = Path("/proc"), locks: tuple[Path, ..
     """
     if not port.startswith(_PTY) and (pid := _modemmanager_pid(proc)) is not None:
         raise PortBusy(
-            f"{port}: ModemManager runs on this computer (process {pid}) and owns its modems",
+            f"{arg(port)}: ModemManager runs on this computer (process {arg(pid)}) and owns its modems",
             hint="write `driver: modemmanager` (and no `serial`), or stop ModemManager while the port is read",
         )
     if (holder := _holder(port, proc) or _lock_holder(port, proc, locks)) is not None:
         raise PortBusy(
-            f"{port}: another program has this port ({holder}), and is not disturbed",
+            f"{arg(port)}: another program has this port ({arg(holder)}), and is not disturbed",
             hint="end that program, or read the modem in the way that it offers",
         )
 
@@ -410,10 +411,10 @@ class AtModem:
         except (serial.SerialException, OSError, ValueError) as error:
             if getattr(error, "errno", None) in _BUSY:
                 raise PortBusy(
-                    f"{self._path}: another program has this port, and is not disturbed", hint="end that program"
+                    f"{arg(self._path)}: another program has this port, and is not disturbed", hint="end that program"
                 ) from error
             raise AtUnreachable(
-                f"{self._path}: the modem's port cannot be opened ({_error_text(error)})",
+                f"{arg(self._path)}: the modem's port cannot be opened ({arg(_error_text(error))})",
                 hint="is the modem plugged in, may you use it (group dialout), and is it this port?",
             ) from error
         return self
@@ -438,7 +439,7 @@ class AtModem:
             return self._answer(port, command)
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: closed under pyserial's feet
             raise AtSilent(
-                f"{self._path}: the modem has gone while it was read ({_error_text(error)})",
+                f"{arg(self._path)}: the modem has gone while it was read ({arg(_error_text(error))})",
                 hint="has it power, and is its cable firm? It may be starting anew: wait a minute",
             ) from error
 
@@ -453,12 +454,13 @@ class AtModem:
                     lines.append(line)
             if sum(map(len, lines)) > _MOST:
                 raise AtSilent(
-                    f"{self._path}: more than {_MOST} characters came in answer to {command}, and no end",
+                    f"{arg(self._path)}: more than {arg(_MOST)} characters came in answer to {arg(command)}, "
+                    "and no end",
                     hint="is this the modem's command port? Many have several: try the next number",
                 )
             if time.monotonic() > until:
                 raise AtSilent(
-                    f"{self._path}: no answer to {command} within {self._answer_s:g} s",
+                    f"{arg(self._path)}: no answer to {arg(command)} within {arg(self._answer_s):g} s",
                     hint="is this the modem's command port? Many have several: try the next number",
                 )
 

@@ -35,6 +35,11 @@ class Registration(StrEnum):
     DISABLED = "disabled"
     UNKNOWN = "unknown"
 
+    @property
+    def words(self) -> str:
+        """The state as text for people."""
+        return msg(self.replace("_", " "))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LteReading:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.links.lte import rutos_client
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
 
@@ -310,7 +311,7 @@ def _read_by_rest(endpoint: rutos_client.RutosEndpoint, wire: rutos_client.Rutos
     modem = modem_of(session.get(modems))
     if modem is None:
         raise rutos_client.RutosError(
-            f"{endpoint}: the unit says that it has no modem",
+            f"{arg(endpoint)}: the unit says that it has no modem",
             hint="switch it off and on; a modem that stays away is broken",
         )
     rows, interfaces, device = pages = [session.optional(each) for each in others]
@@ -343,7 +344,7 @@ class _Rest:
             raise _login_error(self._endpoint)
         if not isinstance(token, str) or not token:
             raise rutos_client.RutosError(
-                f"{self._endpoint}: the answer to the login is not one of RutOS (HTTP {answer.status})",
+                f"{arg(self._endpoint)}: the answer to the login is not one of RutOS (HTTP {arg(answer.status)})",
                 hint="is this a Teltonika unit? Another make: `driver: manual`",
             )
         self._token = token
@@ -357,8 +358,9 @@ class _Rest:
         is_success = isinstance(answer.body, dict) and answer.body.get("success") is True
         if answer.status in _FORBIDDEN or not is_success:
             raise rutos_client.RutosError(
-                f"{self._endpoint}: the unit does not give {path} (HTTP {answer.status})",
-                hint=f"user {self._endpoint.user} needs the right to read it: System > Administration > Access control",
+                f"{arg(self._endpoint)}: the unit does not give {arg(path)} (HTTP {arg(answer.status)})",
+                hint=f"user {arg(self._endpoint.user)} needs the right to read it: "
+                "System > Administration > Access control",
             )
         return _data(answer.body)
 
@@ -376,8 +378,8 @@ def _data(body: object) -> Any:  # noqa: ANN401 - JSON of any shape
 
 def _login_error(endpoint: rutos_client.RutosEndpoint) -> rutos_client.RutosLoginError:
     return rutos_client.RutosLoginError(
-        f"{endpoint}: the unit did not accept user {endpoint.user} and the declared password",
-        hint="compare `access` in host_vars with the unit; after some wrong passwords RutOS blocks the address",
+        msg(f"{arg(endpoint)}: the unit did not accept user {arg(endpoint.user)} and the declared password"),
+        hint=msg("compare `access` in host_vars with the unit; after some wrong passwords RutOS blocks the address"),
     )
 
 
@@ -393,8 +395,8 @@ def _by_ubus(endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire)
         code, result = _call(endpoint, wire, token, target, {})
         if code:
             raise rutos_client.RutosError(
-                f"{endpoint}: the unit does not give {' '.join(target)} (ubus status {code})",
-                hint=f"may user {endpoint.user} read it, and is there a modem in the unit?",
+                f"{arg(endpoint)}: the unit does not give {arg(' '.join(target))} (ubus status {arg(code)})",
+                hint=f"may user {arg(endpoint.user)} read it, and is there a modem in the unit?",
             )
         cache = result.get("cache")
         record |= result | (cache if isinstance(cache, dict) else {})
@@ -414,7 +416,7 @@ def _call(
         answer = wire.ask("POST", "/ubus", body)
     except rutos_client.PageMissing as error:
         raise rutos_client.RutosError(
-            f"{endpoint}: neither the API of RutOS nor ubus answers here",
+            f"{arg(endpoint)}: neither the API of RutOS nor ubus answers here",
             hint="is this a Teltonika unit? Another make: `driver: manual`",
         ) from error
     result = answer.body.get("result") if isinstance(answer.body, dict) else None
@@ -423,7 +425,7 @@ def _call(
         if isinstance(wrong, dict) and wrong.get("code") == -32002:  # noqa: PLR2004 - "Access denied" of uhttpd's JSON-RPC
             return _PERMISSION_DENIED, {}
         raise rutos_client.RutosError(
-            f"{endpoint}: the answer to {' '.join(target)} is not one of ubus (HTTP {answer.status})"
+            f"{arg(endpoint)}: the answer to {arg(' '.join(target))} is not one of ubus (HTTP {arg(answer.status)})"
         )
     values = result[1] if len(result) > 1 else {}
     return result[0], values if isinstance(values, dict) else {}

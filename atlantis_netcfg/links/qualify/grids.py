@@ -171,9 +171,7 @@ def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle
 
 def table(rows: Sequence[RateRow]) -> list[str]:
     """Render the rows as text within 80 columns."""
-    columns = (("octets", 7), ("Hz", 6), ("sent", 6), ("recv", 6), ("up%", 6), ("down%", 6), ("p50 s", 7), ("p95 s", 7))
-    head = f"{'size':<13}" + "".join(f"{name:>{width}}" for name, width in columns) + "  verdict"
-    lines = [SHAPE_UNKNOWN, head]
+    lines = [SHAPE_UNKNOWN, "size          octets    Hz  sent  recv   up% down%  p50 s  p95 s  verdict"]
     lines += [
         msg(
             f"{arg(row.label):<13}{arg(row.octets):>7}{arg(row.rate_hz):>6g}{arg(row.sent):>6}{arg(row.received):>6}"

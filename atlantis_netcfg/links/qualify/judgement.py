@@ -100,9 +100,9 @@ def judge(
     if not few and 2 * idle.rtt.n < limits.min_samples:
         seldom = msg(f"only {arg(idle.rtt.n)} responses, at least {arg(-(-limits.min_samples // 2))} are needed")
     judgements = [_judge_maximum("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
-    for way, variation in (("up", idle.up), ("down", idle.down)):
+    for criterion, variation in (("FDV up, 95 %", idle.up), ("FDV down, 95 %", idle.down)):
         value = None if variation is None else variation.above_min.p95
-        judgements.append(_judge_maximum(f"FDV {way}, 95 %", value, limits.fdv_s, "s", seldom))
+        judgements.append(_judge_maximum(criterion, value, limits.fdv_s, "s", seldom))
     judgements += _frame_loss(idle, limits, few)
     judgements.append(_longest_gap(idle, limits, span_s))
     # Packets that are a second apart cannot show a gap of one second.

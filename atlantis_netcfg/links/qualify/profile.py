@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.links.qualify import measured_run, responses
 from atlantis_netcfg.links.qualify.figures import percentile
 from atlantis_netcfg.links.qualify.reflector import stamp
@@ -119,8 +120,8 @@ def profile_of(run: measured_run.MeasuredRun, samples: Iterable[Sample]) -> Link
     )
     if begin is None or len(pairs) < _FEWEST:
         raise NoProfile(
-            f"run {run.id} cannot be replayed: {len(pairs)} packets of its train `{IDLE}` were answered",
-            hint=f"take a run in which at least {_FEWEST} were",
+            f"run {arg(run.id)} cannot be replayed: {arg(len(pairs))} packets of its train `{arg(IDLE)}` were answered",
+            hint=f"take a run in which at least {arg(_FEWEST)} were",
         )
     known_packets = responses.packets_of_known_fate(idle, begin)
     silences = responses.find_silences(
@@ -275,10 +276,10 @@ def read_profile(path: Path) -> LinkProfile:
         raise
     except (OSError, ValueError) as error:
         raise NoProfile(
-            f"{path} holds no measured run that can be replayed",
-            hint=f"name the folder of a run ({measured_run.RUN_FILE}, {measured_run.SAMPLES_FILE}),"
-            f" or its {PROFILE_FILE}",
+            f"{arg(path)} holds no measured run that can be replayed",
+            hint=f"name the folder of a run ({arg(measured_run.RUN_FILE)}, {arg(measured_run.SAMPLES_FILE)}),"
+            f" or its {arg(PROFILE_FILE)}",
         ) from error
     if profile.version != VERSION:
-        raise NoProfile(f"{file} is of version {profile.version}, and this program reads {VERSION}")
+        raise NoProfile(f"{arg(file)} is of version {arg(profile.version)}, and this program reads {arg(VERSION)}")
     return profile

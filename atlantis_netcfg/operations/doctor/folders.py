@@ -111,7 +111,7 @@ def state_item(place: Path) -> DoctorItem:
 
 def checkout_item(root: Path) -> DoctorItem:
     """Report a checkout that others can change: whoever changes it controls what this laptop runs."""
-    name = "checkout"
+    name = msg("checkout")
     open_to_all = [each for each in (root, root / ".venv") if each.is_dir() and each.stat().st_mode & _OTHERS_WRITE]
     if open_to_all:
         path_list = " ".join(shlex.quote(str(each)) for each in open_to_all)

@@ -156,7 +156,7 @@ def is_installed(program: str) -> bool:
 
 def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorItem:
     """Report what rehearsals can emulate here; whether the kernel runs real systems is tested by the rehearsal."""
-    name = "rehearsals"
+    name = msg("rehearsals")
     if off:
         return _item(name, Verdict.SKIP, msg(f"routers only: {arg(lab.OFF)} is set"))
     if not root:

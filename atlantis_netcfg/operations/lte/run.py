@@ -165,7 +165,7 @@ class UnitConvergence:
     def _run(self) -> LteResult:
         self._tell(events.Stage.CONNECTING, msg(f"driver {arg(self._unit.device.driver)}"))
         reading = self._unit.look()
-        self._tell(events.Stage.OBSERVED, reading.reading.state.value.replace("_", " "))
+        self._tell(events.Stage.OBSERVED, reading.reading.state.words)
         if not self._unit.may_set:
             return self._result(reading, SettingsResult())
         settings = self._apply_settings(reading)
@@ -282,7 +282,7 @@ class UnitConvergence:
             final = any(finding.code == _FINAL for finding in reading.findings)
             if quiet or final or reading.reading.state in _FINAL_STATES or time.monotonic() > until:
                 return replace(reading, requests=requests, sent_bytes=sent_bytes, received_bytes=received_bytes)
-            self._tell(events.Stage.WAITING, reading.reading.state.value.replace("_", " "))
+            self._tell(events.Stage.WAITING, reading.reading.state.words)
             time.sleep(self._patience.poll_s)
 
     def _again(self) -> UnitStatus:
@@ -380,7 +380,7 @@ class UnitConvergence:
 def _state(look: UnitStatus) -> str:
     """Return the unit's state as a short text."""
     reading = look.reading
-    words = reading.state.value.replace("_", " ")
+    words = reading.state.words
     network = " ".join(word for word in (reading.operator, reading.access_tech, reading.band) if word)
     return msg(f"{arg(words)} ({arg(network)})") if network else words
 

@@ -81,8 +81,10 @@ class QualifyResult:
         if run.emulated:
             yield "  emulated: these figures prove nothing about a real link"
         for each in self.record.judgements:
-            figures = f"{_value(each.measured, each.unit):>9} {_limit(each):>12}"
-            yield msg(f"  {arg(each.verdict.value):<12} {arg(each.criterion):<38} {arg(figures)}")
+            yield msg(
+                f"  {arg(each.verdict.value):<12} {arg(each.criterion):<38} "
+                f"{arg(_value(each.measured, each.unit)):>9} {arg(_limit(each)):>12}"
+            )
             if each.verdict is not Verdict.PASS and each.reason != "beyond the limit":
                 yield msg(f"  {'':<12} {arg(each.reason)}")
         if not self.record.judgements:
@@ -99,12 +101,12 @@ class QualifyResult:
             if row.doubt:
                 yield msg(f"  {'':<12} {arg(row.doubt)}")
         for rate in self.record.highest_rates:
-            yield f"  {_rate(rate)}"
+            yield msg(f"  {arg(_rate(rate))}")
         if rows := (*self.record.telemetry, *self.record.images):
             yield from table(rows)
         for remark in run.remarks:
             yield msg(f"  {'error: ' if self.failure is not None and remark == str(self.failure) else ''}{arg(remark)}")
-        yield f"  {_end_line(run)}"
+        yield msg(f"  {arg(_end_line(run))}")
         yield msg(f"  saved in {arg(shorten_home(self.folder))}")
 
 
@@ -114,7 +116,7 @@ def _value(value: float | None, unit: str) -> str:
 
 def _limit(judgement: Judgement) -> str:
     word = "at least" if judgement.criterion == "AVAIL" else "at most"
-    return f"({word} {judgement.limit:g})"
+    return msg(f"({arg(word)} {arg(judgement.limit):g})")
 
 
 def _rate(rate: HighestRate) -> str:
@@ -136,7 +138,7 @@ def _end_line(run: MeasuredRun) -> str:
         EndReason.SILENT: "no response, so the rest was skipped",
         CUT_OFF: "ended early",
     }
-    words = why.get(run.reason, f"the limit of {run.reason} was reached; what was measured is kept")
+    words = why.get(run.reason, msg(f"the limit of {arg(run.reason)} was reached; what was measured is kept"))
     cost = ""
     if run.price is not None:
         would = "a real link would have cost " if run.emulated else ""

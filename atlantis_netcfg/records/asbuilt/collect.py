@@ -296,7 +296,7 @@ def places(inventory: Inventory, host: Host) -> dict[str, str]:
         link = port.link if isinstance(port, Port) else None
         what = _USES.get(port.use) or msg(f"link {arg(link)}: {arg(boxes.get(link or '') or 'a cable')}")
         power = msg(f", power for {arg(fed[port.name])}" if port.name in fed and fed[port.name] not in what else "")
-        result[port.name] = f"{what}{power}"
+        result[port.name] = join("", (what, power))
     return result
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.qualify import figures
 from atlantis_netcfg.links.qualify.compare import clock_words, loss_shares
@@ -153,7 +153,7 @@ def _path_section(record: QualifyRecord) -> PageSection:
         for item in run.counts
     )
     why = msg(f": {arg(run.way_reason)}" if run.way_reason else "")
-    notes = [f"{run.way.value}{why}"]
+    notes = [join("", (run.way.value, why))]
     if rows:
         whose = "this computer's tunnel" if run.far_end.over_vpn else "this run"
         notes.append(
@@ -339,7 +339,7 @@ def _usage_section(record: QualifyRecord) -> PageSection:
             UNKNOWN if record.mb_per_hour is None else f"{record.mb_per_hour:.1f} MB/h",
         ),
         ("price of this run", money),
-        ("duration", UNKNOWN if duration_s is None else f"{duration_s:.0f} s"),
+        (msg("duration"), UNKNOWN if duration_s is None else f"{duration_s:.0f} s"),
         ("reason for the end", run.reason),
     ]
     limits = run.budget
@@ -359,8 +359,8 @@ def _circumstances(record: QualifyRecord) -> PageSection:
         ("test packets", "authenticated with a key" if end.authenticated else "not authenticated"),
         ("sent from", end.source),
         ("this computer's clock", clock_words(run)),
-        ("start", time_text(run.begun, run.time_zone)),
-        ("end", UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
+        (msg("start"), time_text(run.begun, run.time_zone)),
+        (msg("end"), UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
         ("what was measured", run.selection.value),
         ("tool", f"atlantis-netcfg {run.tool}"),
         ("SHA-256 of samples.jsonl", record.samples_sha256),

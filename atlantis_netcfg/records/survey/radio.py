@@ -112,7 +112,7 @@ def facts_of(sample: RadioSample) -> dict[str, str]:
     levels = (("RSRP", sample.rsrp_dbm, "dBm"), ("RSRQ", sample.rsrq_db, "dB"), ("SINR", sample.sinr_db, "dB"))
     words = {
         "4G unit": msg(f"not read: {arg(sample.no_radio)}") if sample.no_radio else None,
-        "4G registration": None if sample.registration is None else sample.registration.replace("_", " "),
+        "4G registration": None if sample.registration is None else msg(sample.registration.replace("_", " ")),
         "4G technology": sample.technology,
         "4G operator": sample.operator,
         "4G band": sample.band,

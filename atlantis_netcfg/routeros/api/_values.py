@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Protocol, Self
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.messages import arg
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -114,7 +115,9 @@ class Reply:
     def check(self) -> Self:
         """Return the reply itself. Raises CommandError if the device refused the command."""
         if self.trap is not None:
-            raise CommandError(f"the device refused {self.path}: {self.trap.message}", trap=self.trap, path=self.path)
+            raise CommandError(
+                f"the device refused {arg(self.path)}: {arg(self.trap.message)}", trap=self.trap, path=self.path
+            )
         return self
 
 

@@ -25,6 +25,7 @@ from librouteros.protocol import (
 )
 
 from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.messages import arg
 from atlantis_netcfg.routeros.api import _values
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Attributes(dict[str, str]):
 
     def __missing__(self, name: str) -> str:
         raise _values.ProtocolError(
-            f"the device has sent an answer without `{name}`, which every RouterOS sends",
+            f"the device has sent an answer without `{arg(name)}`, which every RouterOS sends",
             in_flight=False,
             hint="is this the device that is declared, and is its RouterOS whole?",
         )

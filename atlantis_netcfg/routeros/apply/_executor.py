@@ -106,7 +106,7 @@ def _as_declared_text(comparison: Comparison) -> str:
 
 def _summary(comparison: Comparison) -> str:
     kinds = [difference.kind for difference in comparison.drift]
-    parts = join(", ", (msg(f"{arg(kinds.count(kind))} {kind}") for kind in DriftKind if kind in kinds))
+    parts = join(", ", (msg(f"{arg(kinds.count(noun))} {noun}") for noun in DriftKind if noun in kinds))
     return msg(f"{arg(len(kinds))} difference{'' if len(kinds) == 1 else 's'} from the inventory: {arg(parts)}")
 
 

@@ -115,14 +115,14 @@ class LinksReport:
 
 def _block(number: int, name: str, link: Mapping[str, Any], zone: str) -> Iterator[str]:
     kind = translate(_KINDS.get(link["kind"], link["kind"]))
-    box = f", {translate(link['box'])}" if link["box"] else ""
+    box = join("", (", ", link["box"])) if link["box"] else ""
     yield msg(f"{arg(number)}. {arg(name)}: {arg(kind)}{arg(box)}")
-    yield from _lines("state", join(", ", _state(link)))
+    yield from _lines(msg("state"), join(", ", _state(link)))
     for title, words in _quality(link["kind"], link["quality"]):
         yield from _lines(title, words)
     if link["probe_bytes"]:
         cost_note = msg(f" ({arg(_size(link['probe_bytes']))}, metered)" if link["metered"] else "")
-        yield from _lines("probe", join("", (_probe(link["quality"]), cost_note)))
+        yield from _lines(msg("probe"), join("", (_probe(link["quality"]), cost_note)))
     yield from _lines("this month", _month(link, zone))
     for title, words in zip_longest(("background",), link["standing"]["words"], fillvalue=""):
         yield from _lines(title, words)
@@ -147,7 +147,7 @@ def _state(link: Mapping[str, Any]) -> Iterator[str]:
     if link["active"]:
         yield "carries traffic now"
     if link["metered"]:
-        yield "metered"
+        yield msg("metered")
 
 
 def _probe(quality: Mapping[str, Any]) -> str:
@@ -240,10 +240,11 @@ def _lte_quality(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "signal", join(", ", levels)
     network = [str(quality[name]) for name in ("operator", "plmn", "access_tech", "band") if quality.get(name)]
     if quality.get("registration") is not None:
-        yield "network", join(", ", [str(quality["registration"]).replace("_", " "), *network])
+        yield "network", join(", ", [msg(str(quality["registration"]).replace("_", " ")), *network])
     if quality.get("address") is not None or quality.get("apn") is not None:
-        identity = [("address", quality.get("address")), ("APN", quality.get("apn"))]
-        words = join(", ", (f"{name} {value}" for name, value in identity if value is not None))
+        address, apn = quality.get("address"), quality.get("apn")
+        identity = (address and msg(f"address {arg(address)}"), apn and f"APN {apn}")
+        words = join(", ", filter(None, identity))
         yield "data", msg(f"{arg(words)}{', behind carrier NAT' if quality.get('carrier_nat') == 'yes' else ''}")
 
 

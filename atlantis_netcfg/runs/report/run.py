@@ -217,7 +217,7 @@ class RunReport:
             words = translate(f"not rehearsed: {arg(why)}")
             yield (f"  {name:{start}} ", printable.StyledText(words, printable.Style.WARNING))
         for name, kind in self.not_handled.items():
-            words = translate(f"not supported yet ({arg(kind.replace('_', ' '))})")
+            words = translate(f"not supported yet ({arg(msg(kind.replace('_', ' ')))})")
             yield (f"  {name:{start}} ", printable.StyledText(words, printable.Style.WARNING))
 
     def _bill(self, result: Mapping[str, Any], below: str) -> Iterable[printable.Row]:

@@ -15,9 +15,15 @@ def last_name(node: ast.AST) -> str:
 
 
 def error_classes(root: str) -> set[str]:
-    """The errors whose text and hint become messages: `root` and what hands them on unchanged."""
+    """The errors whose text and hint become messages: `root` and what hands on `message` and hint unchanged."""
     classes = [node for tree in TREES.values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
-    own = {node.name for node in classes for item in node.body if is_own_start(item)}
+    own = {
+        node.name
+        for node in classes
+        for item in node.body
+        if isinstance(item, ast.FunctionDef) and item.name == "__init__" and item.args.args[1:2] != []
+        if item.args.args[1].arg != "message"
+    }
     result = {root}
     while (
         more := {node.name for node in classes if result & set(map(last_name, node.bases)) and node.name not in own}
@@ -25,6 +31,13 @@ def error_classes(root: str) -> set[str]:
     ):
         result |= more
     return result
+
+
+MODULE_ERRORS = error_classes("ModuleError")
+"""Errors on other computers: their second argument is the hint."""
+ERRORS = error_classes("NetcfgError") | MODULE_ERRORS
+OF_A_CLOSED_LIST = {"kind", "noun", "where"}
+"""Names of parts of a sentence: `MADE` of tools/messages.py has every sentence that they make."""
 
 
 def parents(tree: ast.AST) -> dict[ast.AST, ast.AST]:
@@ -35,25 +48,9 @@ def is_call(node: ast.AST | None, *names: str) -> bool:
     return isinstance(node, ast.Call) and last_name(node.func) in names
 
 
-def is_own_start(item: ast.stmt) -> bool:
-    """Whether it is an `__init__` that does not hand its first argument on as the text."""
-    if not isinstance(item, ast.FunctionDef) or item.name != "__init__":
-        return False
-    starts = [node for node in ast.walk(item) if is_call(node, "__init__")]
-    first = item.args.args[1].arg if len(item.args.args) > 1 else ""
-    return not any(isinstance(node, ast.Call) and node.args[:1] and last_name(node.args[0]) == first for node in starts)
-
-
-MODULE_ERRORS = error_classes("ModuleError")
-"""Errors on other computers: their second argument is the hint."""
-ERRORS = error_classes("NetcfgError") | MODULE_ERRORS
-OF_A_CLOSED_LIST = {"kind", "noun", "where"}
-"""Names of parts of a sentence: `MADE` of tools/messages.py has every sentence that they make."""
-
-
 def makes_messages(node: ast.AST, above: dict[ast.AST, ast.AST]) -> bool:
     """Whether the text that an expression is part of is given to what makes a message of it."""
-    parts = ast.FormattedValue | ast.JoinedStr | ast.IfExp | ast.BinOp | ast.keyword | ast.Lambda
+    parts = ast.FormattedValue | ast.JoinedStr | ast.IfExp | ast.BinOp | ast.Lambda | ast.keyword
     while isinstance(above[node], parts) or is_call(above[node], "str", "format", "sub"):
         node = above[node]
     name = getattr(node, "arg", "") if isinstance(node, ast.keyword) else ""

@@ -158,7 +158,7 @@ class _DataReaches:
     ) -> LinkFinding:
         delays = {_row(item)["token"]: item.delay_s for item in answer.answers}
         worst, limit = max(delays.values()), self.site.site_config.checklist.answer_within_s
-        emulation_note = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
+        emulation_note = msg(", emulated" if any(_row(item).get("emulated") for item in answer.answers) else "")
         text = msg(
             f"{arg(far.name)} responded to {arg(len(delays))} of {arg(len(answer.tokens))} messages "
             f"{arg(self._over(results))}, the slowest in {arg(worst * 1000):.0f} ms{arg(emulation_note)}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE
 from atlantis_netcfg.robots.mock import RATES_HZ
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, RobotObservation
@@ -67,7 +68,7 @@ def honest_observation(files: RobotFiles, seconds: float = _SECONDS) -> RobotObs
     for key in files.tested_vehicles:
         if key not in files.sources:
             continue
-        observation.participants[key] = f"the emulated {key}"
+        observation.participants[key] = msg(f"the emulated {arg(key)}")
         configuration = _writer(key, files.names.configuration_topic, CONFIGURATION_TYPE, 1.0, seconds)
         observation.configurations.append(HeardConfiguration(configuration, files.sources[key].text().encode()))
         observation.writers += [
