@@ -84,7 +84,7 @@ def warnings(result: Mapping[str, Any]) -> list[str]:
     """Return the warnings on a device that succeeded."""
     notes = [note for note in result.get("notes", ()) if note.startswith("WARN: ")]
     sources = (note.source if isinstance(note, Message) else note for note in notes)
-    warning_notes = [Message(source.removeprefix("WARN: ")) for source in sources]
+    warning_notes = [Message(source.replace("WARN: ", "", 1)) for source in sources]
     return [*warning_notes, *(row["message"] for row in result.get("drift", ()))]
 
 
