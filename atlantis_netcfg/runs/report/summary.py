@@ -14,7 +14,7 @@ from enum import StrEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core import printable
+from atlantis_netcfg.core import messages, printable
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 from atlantis_netcfg.core.language import as_typed, translate
 from atlantis_netcfg.core.messages import Message, arg, join, msg
@@ -80,11 +80,14 @@ def ending(result: Mapping[str, Any]) -> DeviceEnd:
     return end if end in {DeviceEnd.REFUSED, DeviceEnd.ROLLED_BACK} else DeviceEnd.FAILED
 
 
+_VERDICT = re.compile(f"^{messages.TEXT}?WARN{messages.END}?: {messages.END}?")
+
+
 def warnings(result: Mapping[str, Any]) -> list[str]:
     """Return the warnings on a device that succeeded."""
     notes = [note for note in result.get("notes", ()) if note.startswith("WARN: ")]
     sources = (note.source if isinstance(note, Message) else note for note in notes)
-    warning_notes = [Message(source.replace("WARN: ", "", 1)) for source in sources]
+    warning_notes = [Message(_VERDICT.sub("", source)) for source in sources]
     return [*warning_notes, *(row["message"] for row in result.get("drift", ()))]
 
 

@@ -5,9 +5,10 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.core.printable import Style, StyledText, plain
 from atlantis_netcfg.runs.report.run import Pass, RunReport
-from atlantis_netcfg.runs.report.summary import DeviceEnd, ending, rows_of_plan
+from atlantis_netcfg.runs.report.summary import DeviceEnd, ending, rows_of_plan, warnings
 
 WARNING = "WARN: nobody has looked at the terminal (open its pages)"
 
@@ -198,3 +199,9 @@ def test_a_plan_counts_rows_as_its_text_shows_them() -> None:
     assert rows_of_plan([{"diff": router, "planned": 4}, computer]) == (1, 6, 1)
     lines = last({"r": result(2, "planned", diff=router)}, purpose="plan", next_command="provision site=coastal")
     assert lines[3:] == ["plan      1 rows to add, 2 to change, 1 to remove", "next      provision site=coastal"]
+
+
+@pytest.mark.parametrize("note", [msg(f"WARN: {arg('x')} is old"), msg(f"{arg('WARN')}: {arg('x')} is old")])
+def test_a_warning_is_shown_without_its_verdict(note: str) -> None:
+    (words,) = warnings({"notes": [note, "an ordinary note"]})
+    assert words == "x is old"
