@@ -115,7 +115,7 @@ OUT: Mapping[str, str] = {
     "computers/bundle": "the making of bundles, which is in English",
     "core/processes/remote_bundle.py": "names of files",
     "core/eventlog.py": "lines of a log",
-    "routeros/assumptions.py": "what engineers have to test on a real device; no command prints it",
+    "routeros/assumptions.py": "for engineers: `device verify` prints what docs/engineers/assumptions.md lists",
     "operations/lte/assumptions.py": "what engineers have to test on a real unit, as of RouterOS",
     "routeros/menus": "RouterOS's own language",
     "routeros/rsc": "the grammar of export text",
