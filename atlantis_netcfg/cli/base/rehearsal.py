@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -40,12 +40,18 @@ def _try_flows(session: CommandSession, emulators: Rehearsal, report: RunReport)
     routers = rehearsal.routers_of(session.contacted_hosts)
     if not routers:
         return report
-    if why := lab.why_no_namespace():
+    why, flows = lab.why_no_namespace(), dict[str, dict[str, Any]]()
+    if why is None:
+        if not session.as_json:
+            words = "Packets through the routers: what may pass, and what must not"
+            print(translate(words), file=sys.stderr, flush=True)
+        try:
+            flows = rehearsal.try_flows(session.inventory, routers, emulators.emulators)
+        except lab.MachineError as error:  # of this computer's kernel or programs, not of the site
+            why = str(error)
+    if why is not None:
         limit = msg(f"packets: no flow was tried through the routers: {arg(why)}")
         return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
-    if not session.as_json:
-        print(translate("Packets through the routers: what may pass, and what must not"), file=sys.stderr, flush=True)
-    flows = rehearsal.try_flows(session.inventory, routers, emulators.emulators)
     devices = {name: {**result, **flows.get(name, {})} for name, result in report.devices.items()}
     return replace(report, devices=devices)
 

@@ -132,7 +132,7 @@ class PacketBench:
                 self._own_socket(packet.source).sendto(data, (str(packet.destination), 0))
         elif port in self._tunnels:
             os.write(self._tunnels[port], data)
-        else:
+        elif port in self._plugs:  # else its rows have no such port: nothing gets in there
             self._plugs[port].send(self._heads[port] + data)
 
     def _collect(self, arrivals: dict[int, list[tuple[str, packets.FlowPacket]]], quiet_s: float) -> None:
