@@ -92,7 +92,7 @@ def try_flows(
     namespace.apply(state.with_default_route(link.gateway, intent.link_ports[link.name]))
     flows = list(_flows(intent))
     if 2 * len(flows) > packets.MOST:
-        raise ValueError(f"{len(flows)} flows and their replies cannot be told apart")
+        raise RuntimeError(f"{len(flows)} flows and their replies cannot be told apart")
     numbers, expectations = range(len(flows)), [_expected_outcome(intent, flow) for flow in flows]
     with bench.PacketBench(namespace, _neighbours(intent)) as stand:
         arrivals = stand.send((_entry(flow.source), _packet(flow, number)) for number, flow in enumerate(flows))
