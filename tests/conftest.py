@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import is_hypothesis_test, settings
 
+from atlantis_netcfg.core import paths
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Mapping
 
@@ -315,3 +317,10 @@ def only_loopback(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatc
     if request.node.get_closest_marker("namespace") is None:
         monkeypatch.setattr(socket.socket, "connect", _guarded(socket.socket.connect))
         monkeypatch.setattr(socket.socket, "connect_ex", _guarded(socket.socket.connect_ex))
+
+
+@pytest.fixture(autouse=True)
+def no_unfinished_command() -> Iterator[None]:
+    """A command that a test kills in this process leaves its id behind; the runs of later tests would have it."""
+    yield
+    os.environ.pop(paths.INVOCATION, None)
