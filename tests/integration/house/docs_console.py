@@ -48,7 +48,8 @@ class Shown:
 
 
 def _line(shown: str) -> str:
-    return ".*".join(re.escape(part) for part in shown.rstrip().split(_ANYTHING))
+    """Also over more than one line: where `…` stands for a long name, a terminal wraps behind it."""
+    return r"[\s\S]*?".join(re.escape(part).replace(r"\ ", r"\s") for part in shown.rstrip().split(_ANYTHING))
 
 
 def shown(page: Path) -> list[Shown]:
