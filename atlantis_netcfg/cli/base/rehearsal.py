@@ -35,6 +35,7 @@ def rehearse(
 def _try_flows(session: CommandSession, emulators: Rehearsal, report: RunReport) -> RunReport:
     """Send the packets of every flow through the configured rows, where this computer may make namespaces."""
     from atlantis_netcfg.emulator import lab
+    from atlantis_netcfg.emulator.routeros import dataplane
     from atlantis_netcfg.operations.flows import rehearsal
 
     routers = rehearsal.routers_of(session.contacted_hosts)
@@ -52,8 +53,9 @@ def _try_flows(session: CommandSession, emulators: Rehearsal, report: RunReport)
     if why is not None:
         limit = msg(f"packets: no flow was tried through the routers: {arg(why)}")
         return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
+    limits = [*dataplane.NOT_REHEARSED, *rehearsal.limits(flows)]
     devices = {name: {**result, **flows.get(name, {})} for name, result in report.devices.items()}
-    return replace(report, devices=devices)
+    return replace(report, devices=devices, not_rehearsed=(*report.not_rehearsed, *limits))
 
 
 def announce(session: CommandSession) -> None:

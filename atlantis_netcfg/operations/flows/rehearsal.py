@@ -16,7 +16,7 @@ from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.flows import matrix
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from atlantis_netcfg.emulator.routeros import SpawnedSite
     from atlantis_netcfg.inventory import Host, Inventory
@@ -43,6 +43,15 @@ def try_flows(inventory: Inventory, routers: Sequence[Host], emulators: SpawnedS
     return results
 
 
+def limits(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the rows of each router that its packets did not meet, because Linux cannot stand for them."""
+    return [
+        msg(f"packets: {arg(name)} without {arg(row)}")
+        for name, result in results.items()
+        for row in result["flows"]["not_rehearsed"]
+    ]
+
+
 def _try_link(
     inventory: Inventory, host: Host, link: model.Link, namespace: str, state: NetworkState
 ) -> matrix.MatrixResult:
@@ -54,7 +63,7 @@ def _try_link(
         machines.delete_namespace(namespace)
 
 
-def _fields(results: Sequence[matrix.MatrixResult], limits: Sequence[str]) -> dict[str, Any]:
+def _fields(results: Sequence[matrix.MatrixResult], rows: Sequence[str]) -> dict[str, Any]:
     differences = [(result.link, difference) for result in results for difference in result.differences]
     total = sum(result.flows for result in results)
     flows: dict[str, Any] = {
@@ -62,7 +71,7 @@ def _fields(results: Sequence[matrix.MatrixResult], limits: Sequence[str]) -> di
         "arrived": sum(result.arrivals for result in results),
         "links": [result.link for result in results],
         "differences": [msg(f"{arg(link)}: {arg(describe(difference))}") for link, difference in differences[:_MOST]],
-        "not_rehearsed": list(limits),
+        "not_rehearsed": list(rows),
     }
     if not differences:
         return {"flows": {**flows, "words": _success_words(results)}}

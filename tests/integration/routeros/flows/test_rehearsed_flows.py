@@ -7,7 +7,7 @@ from flows_bench import inventory
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations.common.rehearsal import rehearsal
-from atlantis_netcfg.operations.flows.rehearsal import routers_of, try_flows
+from atlantis_netcfg.operations.flows.rehearsal import limits, routers_of, try_flows
 
 pytestmark = [
     pytest.mark.namespace,
@@ -31,3 +31,10 @@ def test_a_router_that_was_not_configured_fails() -> None:
     assert len(flows["differences"]) == 20
     assert any("but has to be dropped" in line for line in flows["differences"])
     assert "flows do not do what the inventory intends" in result["message"]
+
+
+def test_rows_that_the_packets_did_not_meet_are_limits() -> None:
+    flows = {"not_rehearsed": ["/ip/firewall/filter mine: unknown matcher layer7-protocol"]}
+    assert limits({"x-router": {"flows": flows}, "y-router": {"flows": {"not_rehearsed": []}}}) == [
+        "packets: x-router without /ip/firewall/filter mine: unknown matcher layer7-protocol"
+    ]
