@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from contextlib import closing
 from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
@@ -94,7 +95,7 @@ def try_flows(
     if 2 * len(flows) > packets.MOST:
         raise RuntimeError(f"{len(flows)} flows and their replies cannot be told apart")
     numbers, expectations = range(len(flows)), [_expected_outcome(intent, flow) for flow in flows]
-    with bench.PacketBench(namespace, _neighbours(intent)) as stand:
+    with closing(bench.PacketBench(namespace, _neighbours(intent))) as stand:
         arrivals = stand.send((_entry(flow.source), _packet(flow, number)) for number, flow in enumerate(flows))
         outcomes = [_outcomes(arrivals.get(number, ()), is_reply=False) for number in numbers]
         good = [number for number in numbers if expectations[number] and outcomes[number] == (expectations[number],)]

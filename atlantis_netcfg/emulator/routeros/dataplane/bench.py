@@ -12,7 +12,7 @@ import struct
 import time
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.routeros.dataplane import packets
@@ -21,7 +21,6 @@ from atlantis_netcfg.emulator.routeros.dataplane.namespace import plug_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from ipaddress import IPv4Address
-    from types import TracebackType
 
     from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespace
 
@@ -90,14 +89,6 @@ class PacketBench:
             self._introduce(neighbours)
             router.run("nft", "-f", "-", text=_ARRIVALS)
             stack.pop_all()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close all sockets."""
