@@ -60,9 +60,9 @@ class CompiledCatalogue(Mapping[str, str]):
 
     def __getitem__(self, text: str) -> str:
         """Return the translation of a text; raises KeyError."""
-        encoded = text.encode(errors="replace")
-        index = bisect_left(range(self._count), encoded, 1, key=lambda place: self._bytes(self._texts, place))
-        if index == self._count or self._bytes(self._texts, index) != encoded:
+        key = text.encode(errors="replace")
+        index = bisect_left(range(self._count), key, 1, key=lambda place: self._bytes(self._texts, place))
+        if index == self._count or self._bytes(self._texts, index) != key:
             raise KeyError(text)
         return self._bytes(self._translations, index).decode(errors="replace")
 

@@ -17,16 +17,16 @@ _MAX_DEPTH = 10
 _BETWEEN_MARKS = re.compile(f"[^{messages.TEXT}-{messages.END}]+")
 
 
-def unpack(result: Mapping[str, Any], sent: Sequence[str] = ()) -> dict[str, Any]:
+def unpack(result: Mapping[str, Any], request_texts: Sequence[str] = ()) -> dict[str, Any]:
     """Return a result with its messages where their texts stand, as far as they are safe.
 
-    `sent`: marked texts of what the program was given in plain English; it hands them back, and puts them into others.
+    `request_texts`: marked texts of what the program was given in plain English; it hands them back, and puts them into others.
     """
     texts = checked_texts(result).get("texts", [])
-    for source in sent:
+    for source in request_texts:
         value = f"{messages.TEXT}{messages.Message(source)}{messages.END}"
         texts = [text.replace(value, f"{messages.MESSAGE}{source}{messages.END}") for text in texts]
-    return stored_messages.unpack({**result, "texts": [*sent, *texts]})
+    return stored_messages.unpack({**result, "texts": [*request_texts, *texts]})
 
 
 def checked_texts(result: Mapping[str, Any], mask: Callable[[str], str] = str) -> dict[str, Any]:

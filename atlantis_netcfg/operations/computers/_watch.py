@@ -235,7 +235,7 @@ class Watch:
     _running: dict[str, str] = field(default_factory=dict)
     """Running task by host."""
 
-    _sent: list[str] = field(default_factory=list)
+    _request_texts: list[str] = field(default_factory=list)
     """Marked texts of the desired state, which the roles hand to modules in plain English."""
 
     @property
@@ -278,14 +278,14 @@ class Watch:
         """Record a successful task; one that computes the desired state or includes tasks contacts no host."""
         self._running.pop(host, None)
         if "per_host" in values:
-            self._sent += remote_messages.checked_texts(values).get("texts", [])
+            self._request_texts += remote_messages.checked_texts(values).get("texts", [])
         if host in self._results:
             self._results[host].ok(task, self._unpack(values))
             if "per_host" not in values and "include" not in values:
                 self._answered_hosts.add(host)
 
     def _unpack(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        return remote_messages.unpack(values, self._sent)
+        return remote_messages.unpack(values, self._request_texts)
 
     def fail_task(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """Record a failed task, and with it the host's failure."""
