@@ -20,7 +20,7 @@ _BETWEEN_MARKS = re.compile(f"[^{messages.TEXT}-{messages.END}]+")
 def unpack(result: Mapping[str, Any], request_texts: Sequence[str] = ()) -> dict[str, Any]:
     """Return a result with its messages where their texts stand, as far as they are safe.
 
-    `request_texts`: marked texts of what the program was given in plain English; it hands them back, and puts them into others.
+    `request_texts`: marked texts of what the program was given in plain English; it returns them, also inside others.
     """
     texts = checked_texts(result).get("texts", [])
     for source in request_texts:

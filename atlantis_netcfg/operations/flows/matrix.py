@@ -63,7 +63,7 @@ class FlowDifference:
     actual: tuple[FlowOutcome, ...]
 
     @property
-    def is_none(self) -> bool:
+    def is_as_intended(self) -> bool:
         """Whether the packet did what is intended."""
         return self.actual == (() if self.intention is None else (self.intention,))
 
@@ -72,7 +72,6 @@ class FlowDifference:
 class MatrixResult:
     """One router with one link in use."""
 
-    router: str
     link: str
     flows: int
     arrivals: int
@@ -111,8 +110,8 @@ def try_flows(
         )
         for number in replies
     )
-    differences = tuple(item for item in (*first, *second) if not item.is_none)
-    return MatrixResult(host.name, link.name, len(flows), len(good), len(replies), differences)
+    differences = tuple(item for item in (*first, *second) if not item.is_as_intended)
+    return MatrixResult(link.name, len(flows), len(good), len(replies), differences)
 
 
 # --- packets -------------------------------------------------------------------------------------------------------
