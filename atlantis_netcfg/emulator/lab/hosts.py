@@ -190,13 +190,13 @@ def delete_namespace(name: str) -> None:
         program("ip", "netns", "delete", name)
 
 
-def connect_veth(lab: str, port: str, machine: str, interface: str, mac: str) -> None:
-    """Connect a machine's interface to a port of the lab's bridge; the port is down."""
+def connect_veth(lab: str, bridge: str, port: str, machine: str, interface: str, mac: str) -> None:  # noqa: PLR0913, PLR0917 - two ends
+    """Connect a machine's interface to a port of a bridge; the port is down."""
     program(
         *("ip", "link", "add", interface, "netns", machine, "address", mac, "type", "veth"),
         *("peer", "name", port, "netns", lab),
     )
-    program("ip", "-n", lab, "link", "set", port, "master", BRIDGE)
+    program("ip", "-n", lab, "link", "set", port, "master", bridge)
 
 
 _Result = TypeVar("_Result")
@@ -291,7 +291,7 @@ class Machine:
         self, spec: MachineSpec, unique: str, lab: str, inside: NamespaceSockets, folder: Path, log: Path
     ) -> None:
         self.spec = spec
-        self._unique, self._lab, self._inside, self._log = unique, lab, inside, log
+        self._unique, self._lab, self._bridge, self._inside, self._log = unique, lab, BRIDGE, inside, log
         self._ports: list[str] = []
         self._container: Container | None = None
         self._disk = Disk(folder, spec.tree, spec.disk_mb)
@@ -334,6 +334,15 @@ class Machine:
     ) -> None:
         """Set the properties of the link through `port`; an omitted one means no limit. See `RelayLink`."""
         self._relay.set(relay.RelayLink(delay_s, rate_up_bps, rate_down_bps, up, shapes))
+
+    def move_cable(self, namespace: str, bridge: str, inside: NamespaceSockets) -> None:
+        """Plug the machine's cable into another bridge; `port` then leads there, by sockets of that namespace."""
+        for port in self._ports:
+            program("ip", "-n", self._lab, "link", "set", port, "netns", namespace)
+            program("ip", "-n", namespace, "link", "set", port, "master", bridge)
+            program("ip", "-n", namespace, "link", "set", port, "up")
+        self._lab, self._bridge, self._inside = namespace, bridge, inside
+        self._relay.lead(inside.socket)
 
     def power_on(self, *, is_configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
         """Boot the machine and wait for its sshd.
@@ -423,7 +432,7 @@ class Machine:
         for interface in filter(None, (self.spec.interface, self.spec.spare)):
             port = f"{self._unique.rpartition('-')[2]}-{len(self._ports)}"
             mac = bytes([2, *sha256(f"{self._unique} {interface}".encode()).digest()[:5]]).hex(":")
-            connect_veth(self._lab, port, self._unique, interface, mac)
+            connect_veth(self._lab, self._bridge, port, self._unique, interface, mac)
             self._ports.append(port)
         near = self.spec.interface
         if is_configured:

@@ -93,6 +93,10 @@ class Relay:
         """Traffic so far."""
         return self._bearer.traffic
 
+    def lead(self, make: Callable[[], socket.socket]) -> None:
+        """Open new connections by other sockets, as after a move of the machine's cable."""
+        self._make = make
+
     def set(self, way: RelayLink) -> None:
         """Change the link; bytes in transit keep their arrival time."""
         asyncio.run_coroutine_threadsafe(self._bearer.set(way), self._loop).result()

@@ -21,7 +21,7 @@ from waiting import wait_until
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
-from atlantis_netcfg.emulator.lab.hosts import add_namespace, connect_veth, delete_namespace
+from atlantis_netcfg.emulator.lab.hosts import BRIDGE, add_namespace, connect_veth, delete_namespace
 from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
@@ -167,7 +167,7 @@ class Stand:
         add_namespace(namespace)
         self.stack.callback(delete_namespace, namespace)
         port = f"{self.ground.name.rpartition('-')[2]}c{self.clients}"
-        connect_veth(self.ground.name, port, namespace, "eth0", bytes([2, 0, 0, 0, 7, self.clients]).hex(":"))
+        connect_veth(self.ground.name, BRIDGE, port, namespace, "eth0", bytes([2, 0, 0, 0, 7, self.clients]).hex(":"))
         for words in (
             ("-n", namespace, "address", "add", f"10.64.0.{200 + self.clients}/24", "dev", "eth0"),
             ("-n", namespace, "link", "set", "eth0", "up"),

@@ -1,0 +1,1 @@
+"""All sites of a rehearsal, joined: packets go from computers through routers and links to the internet and back."""
