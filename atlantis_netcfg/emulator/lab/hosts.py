@@ -335,14 +335,24 @@ class Machine:
         """Set the properties of the link through `port`; an omitted one means no limit. See `RelayLink`."""
         self._relay.set(relay.RelayLink(delay_s, rate_up_bps, rate_down_bps, up, shapes))
 
-    def move_cable(self, namespace: str, bridge: str, inside: NamespaceSockets) -> None:
-        """Plug the machine's cable into another bridge; `port` then leads there, by sockets of that namespace."""
+    def move_cable(self, namespace: str, bridge: str, inside: NamespaceSockets) -> tuple[str, str, NamespaceSockets]:
+        """Plug the machine's cable into another bridge; `port` then leads there, by sockets of that namespace.
+
+        Returns where it was before, as arguments to move it back.
+        """
+        before = self._lab, self._bridge, self._inside
         for port in self._ports:
             program("ip", "-n", self._lab, "link", "set", port, "netns", namespace)
             program("ip", "-n", namespace, "link", "set", port, "master", bridge)
             program("ip", "-n", namespace, "link", "set", port, "up")
         self._lab, self._bridge, self._inside = namespace, bridge, inside
         self._relay.lead(inside.socket)
+        return before
+
+    @property
+    def namespace(self) -> str:
+        """Its network namespace, while it is on."""
+        return self._unique
 
     def power_on(self, *, is_configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
         """Boot the machine and wait for its sshd.

@@ -71,11 +71,12 @@ class PilotNetwork:
         return result.stdout
 
     def plug_in(self, machine: lab.Machine, router: Host) -> None:
-        """Take a machine's cable out of the lab and plug it into the LAN of its site's router. Raises MachineError."""
+        """Plug a machine's cable into the LAN of its site's router until the end. Raises MachineError."""
         namespace = self.routers[router.name]
         sockets = hosts.NamespaceSockets(namespace)
         self._stack.callback(sockets.close)
-        machine.move_cable(namespace, self._lan_bridge(router), sockets)
+        before = machine.move_cable(namespace, self._lan_bridge(router), sockets)
+        self._stack.callback(machine.move_cable, *before)
 
     def add_host(self, router: Host, name: str, address: IPv4Address) -> str:
         """Plug a new computer into a router's LAN; return its namespace. Raises MachineError."""

@@ -82,7 +82,7 @@ class RobotProcess:
 def run_robots(
     inventory: Inventory, robots: Sequence[tuple[str, str, str]], centre: tuple[str, str]
 ) -> Iterator[RobotProcess]:
-    """Run a robot at each host (name, namespace, VPN address), and yield the listener at `centre` (namespace, address)."""
+    """Run a robot at each host (name, namespace, VPN address); yield the listener at `centre` (namespace, address)."""
     common = {"inventory": str(inventory.root), "participants": dds_of(inventory).participants}
     processes: list[RobotProcess] = []
     try:
@@ -119,7 +119,8 @@ def _hear(number: int, types: message_types.MessageTypes, topic: str) -> None:
     def keep(_writer: object, data: bytes) -> None:
         _, mark, rest = data.partition(_MARK.encode())
         if mark:
-            print(rest.partition(b"\n")[0].decode(), flush=True)
+            sys.stdout.buffer.write(rest.partition(b"\n")[0] + b"\n")
+            sys.stdout.flush()
 
     network.RobotListener(number, types, topic, keep=keep).listen(math.inf)
 

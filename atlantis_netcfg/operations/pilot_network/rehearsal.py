@@ -1,0 +1,115 @@
+"""A rehearsal whose sites are joined: computers are plugged in behind their routers, and the tunnels of all are up."""
+
+from __future__ import annotations
+
+import json
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.emulator.routeros.dataplane import tunnel
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.operations.pilot_network.network import PilotNetwork, open_network
+from atlantis_netcfg.operations.vpn.router import enrol_routers
+from atlantis_netcfg.vpn.client import SERVICE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.emulator import lab
+    from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.operations.common.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.common.request import Request
+
+_TUNNEL: Final = "tun0"
+_UP_S: Final = 60.0
+"""A tunnel is up within so many seconds: over a satellite its handshake takes about 10."""
+_POLL_S: Final = 0.2
+
+
+@dataclass
+class JoinedRehearsal:
+    """What runs while the sites are joined."""
+
+    inventory: Inventory
+    rehearsal: Rehearsal
+    network: PilotNetwork
+    routers: tuple[Host, ...]
+    silent: dict[str, str] = field(default_factory=dict)
+    """Computers and routers whose tunnel is not up, and why."""
+
+    def machines(self, site: str) -> dict[str, lab.Machine]:
+        """Return the machines of a site by host name."""
+        computers = self.rehearsal.computers.machines
+        return {name: machine for name, machine in computers.items() if self.inventory.hosts[name].site == site}
+
+
+@contextmanager
+def join_sites(
+    inventory: Inventory, hosts: Sequence[Host], rehearsal: Rehearsal, request: Request
+) -> Iterator[JoinedRehearsal]:
+    """Join the sites of configured emulated routers and machines until the context ends.
+
+    Raises MachineError if this computer cannot do it, DeviceError if a router refuses its identity.
+    """
+    routers = tuple(host for host in hosts if isinstance(host.device, model.Router))
+    enrol_routers(inventory, rehearsal, routers, request)
+    with ExitStack() as stack, temporary.folder("tunnels") as folder:
+
+        def attach(host: Host, namespace: str | None) -> None:
+            rehearsal.emulators.do(host.name, "attach", namespace=namespace)
+
+        network = stack.enter_context(open_network(inventory, routers, attach, rehearsal.replay))
+        for host in routers:
+            stack.callback(attach, host, None)
+        joined = JoinedRehearsal(inventory, rehearsal, network, routers)
+        for host in routers:
+            for machine in joined.machines(host.site).values():
+                network.plug_in(machine, host)
+        for host in routers:
+            place = folder / host.name
+            place.mkdir(mode=0o700)
+            do = partial(rehearsal.emulators.do, host.name)
+            clients = tunnel.RouterTunnels(do, network.routers[host.name], place)
+            stack.callback(clients.close)
+            clients.refresh()
+            if clients.tunnels:
+                joined.silent[host.name] = ""
+        _connect(joined)
+        yield joined
+
+
+def _connect(joined: JoinedRehearsal) -> None:
+    """Let the computers' clients try again, as after a start, and wait for the tunnels of all."""
+    clients = {
+        name: machine
+        for name, machine in joined.rehearsal.computers.machines.items()
+        if _is_client(joined.inventory.hosts[name])
+    }
+    with ThreadPoolExecutor(max(1, len(clients))) as pool:
+        list(pool.map(lambda machine: machine.run(f"systemctl restart {SERVICE}"), clients.values()))
+    end = time.monotonic() + _UP_S
+    waiting = {**clients, **dict.fromkeys(joined.silent)}
+    while waiting and time.monotonic() < end:
+        waiting = {name: machine for name, machine in waiting.items() if not _is_up(joined, name, machine)}
+        time.sleep(_POLL_S)
+    joined.silent = {name: msg(f"no tunnel to the VPN within {arg(_UP_S):g} s") for name in waiting}
+
+
+def _is_client(host: Host) -> bool:
+    return isinstance(host.device, model.ServerComputer) and host.device.vpn_address is not None
+
+
+def _is_up(joined: JoinedRehearsal, name: str, machine: lab.Machine | None) -> bool:
+    if machine is None:
+        interfaces = joined.rehearsal.emulators.do(name, "network")["tunnels"]
+        namespace, devices = joined.network.routers[name], list(interfaces)
+    else:
+        namespace, devices = machine.namespace, [_TUNNEL]
+    rows = json.loads(joined.network.run(namespace, "ip", "-j", "-4", "address", "show"))
+    return all(any(row["ifname"] == device and row["addr_info"] for row in rows) for device in devices)
