@@ -205,6 +205,7 @@ class RouterTunnels:
                 self._addresses.pop(name, None)
                 if address is not None:
                     self._addresses[name] = address
+                    self._namespace.restore_routes()
                 with suppress(errors.NetcfgError):  # the emulator may end before its tunnels
                     self._do("around", tunnels=dict(self._addresses))
 

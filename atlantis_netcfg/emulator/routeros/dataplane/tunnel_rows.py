@@ -46,8 +46,8 @@ class TunnelSettings:
 def tunnel_settings(router: core.Core, interface: str) -> TunnelSettings | None:
     """Return the settings of a VPN client by its name or its Linux device.
 
-    None: its row is disabled, or its certificate is missing, without a key, or not valid by the router's clock. Raises
-    LookupError for an interface that does not exist.
+    None: its row is disabled, or its certificate is missing, without a key, or expired. Raises LookupError for an
+    interface that does not exist.
     """
     table = router.store.table(core.CLIENTS)
     devices = rows.devices_of(router.topology)
@@ -88,7 +88,7 @@ def _identity(router: core.Core, table: Table, item: StoredItem) -> str | None:
     info = None if row is None else environment.certificate_info(router, row)
     if row is None or info is None or not info.private_key:
         return None
-    return router.keys[row.id] if info.not_before <= router.time() <= info.not_after else None
+    return router.keys[row.id] if router.time() <= info.not_after else None
 
 
 def _authorities(router: core.Core) -> str:

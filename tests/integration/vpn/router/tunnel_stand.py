@@ -67,8 +67,6 @@ class Ground:
 
 @contextmanager
 def ground(emulators: RunningSite, folder: Path) -> Iterator[Ground]:
-    if (why := lab.why_no_namespace()) is not None:
-        pytest.skip(why)
     with lab.reserve_name() as name:
         namespace, server = RouterNamespace(f"{name}-r"), f"{name}-s"
         for each in (namespace.name, server):
@@ -104,7 +102,7 @@ def vpn_server(place: Ground, folder: Path) -> Iterator[None]:
     host = SHIPPED.hosts[SHIPPED.pilot.vpn.server]
     text = product.server_conf(SHIPPED, host).replace(f"local {host.device.address}", f"local {ENDPOINT}")  # type: ignore[union-attr]
     conf = place.write("/etc/openvpn/server/atlantis.conf", text)
-    place.place("/run/atlantis-vpn").mkdir(parents=True)
+    place.place("/run/atlantis-vpn").mkdir(parents=True, exist_ok=True)
     for name in ("ca.crt", "server/server.crt", "server/server.key", "server/tls-crypt-v2.key", "server/tls-crypt.key"):
         source = folder / name
         place.write(f"{product.FOLDER}/{source.name}", source.read_text(encoding="utf-8"))
@@ -123,5 +121,5 @@ def vpn_server(place: Ground, folder: Path) -> Iterator[None]:
                 pytest.fail("".join(place.output))
             yield
         finally:
-            process.kill()
+            process.terminate()
             process.communicate(timeout=HANG_S)
