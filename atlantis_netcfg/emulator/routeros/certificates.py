@@ -199,6 +199,11 @@ class OvpnProfile:
     """Key of `tls-crypt`, which no menu shows."""
 
 
+def openvpn_cipher(word: str) -> str:
+    """Return OpenVPN's name of a RouterOS cipher."""
+    return next((name for name, cipher in _CIPHERS.items() if cipher == word), word.upper())
+
+
 def read_ovpn(text: str, *, wraps: bool) -> OvpnProfile:
     """Parse a profile; `wraps`: this version supports tls-crypt. Raises OvpnError.
 

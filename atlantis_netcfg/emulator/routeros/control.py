@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.dataplane.rows import network_state
+from atlantis_netcfg.emulator.routeros.dataplane.tunnel_rows import tunnel_settings
 from atlantis_netcfg.emulator.routeros.environment import update_surroundings
 from atlantis_netcfg.emulator.routeros.modem import update_modem
 from atlantis_netcfg.emulator.routeros.network.traffic import carry
@@ -162,6 +163,11 @@ async def _network(router: EmulatedRouter) -> dict[str, Any]:
     return asdict(network_state(router.device.core.topology.with_all_linked()))
 
 
+async def _tunnel(router: EmulatedRouter, interface: str) -> dict[str, Any] | None:
+    settings = tunnel_settings(router.device.core, interface)
+    return None if settings is None else asdict(settings)
+
+
 async def _is_wrapped(router: EmulatedRouter, interface: str) -> bool:
     return router.device.is_wrapped(interface)
 
@@ -191,5 +197,6 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "rekey": _rekey,
     "wrapped": _is_wrapped,
     "network": _network,
+    "tunnel": _tunnel,
 }
 """Values of `do`; the parameters of the function are the command's arguments."""

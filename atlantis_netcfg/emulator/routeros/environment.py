@@ -8,9 +8,11 @@ Assumption: poe-load
 
 from __future__ import annotations
 
+from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.emulator.routeros.certificates import CertificateInfo, read_certificate
 from atlantis_netcfg.emulator.routeros.core import Core, connected_clients
 from atlantis_netcfg.emulator.routeros.spec import Environment
 from atlantis_netcfg.emulator.routeros.values import id_text
@@ -57,6 +59,17 @@ def _tunnel_address(core: Core, number: int) -> _Row:
         "actual-interface": name,
         **flags,
     }
+
+
+def certificate_info(core: Core, item: StoredItem) -> CertificateInfo | None:
+    """Return the contents of a `/certificate` row, with the validity that is shown; None for an unsigned template."""
+    pem = core.keys.get(item.id)
+    if pem is None:
+        return None
+    name = core.store.text(core.store.table("/certificate"), item, "name") or ""
+    validity = core.spec.around.validity.get(name)
+    result = read_certificate(pem)
+    return result if validity is None else replace(result, not_before=validity.since, not_after=validity.until)
 
 
 def alert(core: Core, item: StoredItem) -> _Row:

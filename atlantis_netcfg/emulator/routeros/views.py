@@ -5,12 +5,11 @@ Computed are flags, status, and dynamic rows.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros import access, environment
-from atlantis_netcfg.emulator.routeros.certificates import expires_after, read_certificate
+from atlantis_netcfg.emulator.routeros.certificates import expires_after
 from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
 from atlantis_netcfg.emulator.routeros.modem import modem_rows
 from atlantis_netcfg.emulator.routeros.store import PrintedRow
@@ -371,13 +370,9 @@ def _service(core: Core, _item: StoredItem) -> dict[str, str]:
 
 def _certificate(core: Core, item: StoredItem) -> dict[str, str]:
     """Compute the certificate's properties; an unsigned template has none."""
-    pem = core.keys.get(item.id)
-    if pem is None:
+    certificate, now = environment.certificate_info(core, item), core.time()
+    if certificate is None:
         return {}
-    certificate, now = read_certificate(pem), core.time()
-    name = core.store.text(core.store.table("/certificate"), item, "name") or ""
-    if (validity := core.spec.around.validity.get(name)) is not None:
-        certificate = replace(certificate, not_before=validity.since, not_after=validity.until)
     return {
         "serial-number": certificate.serial,
         "fingerprint": certificate.fingerprint,

@@ -15,6 +15,7 @@ the emulated devices' targets, and `rehearsed_identity` creates a substitute ide
 from __future__ import annotations
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -35,7 +36,10 @@ from atlantis_netcfg.vpn.rehearsal import rehearsed_identity
 from atlantis_netcfg.vpn.router_import import RouterImport
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from atlantis_netcfg.inventory import Host, Inventory
+    from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,15 +70,15 @@ class InstalledIdentity:
 
 
 def identity_for(inventory: Inventory, host: Host, request: Request) -> Identity:
-    """Read a router's identity from this laptop; in a rehearsal, create a substitute.
+    """Read a router's identity from this laptop, in a rehearsal from its authority; without one, create a substitute.
 
     Raises NoMatchError for a host that is no router, UsageError if there is no identity or another host's, and
     NotAnIdentity.
     """
     _require_router(host)
-    if request.rehearsed:
-        return rehearsed_identity(inventory, host)
     path = request.identity_of(host.name)
+    if request.rehearsed and (request.authority is None or path is None):
+        return rehearsed_identity(inventory, host)
     if path is None:
         raise errors.UsageError(
             f"there is no identity of {arg(host.name)} on this computer",
@@ -138,6 +142,27 @@ def install(  # noqa: PLR0913 - all that a command line says
             device=host.name, status=result.status.value, exit=int(result.exit), message=result.message
         )
         return runs.mark_unrecorded(result, runs.conclude(journal, outcome, runs.RunEnd(exit=int(result.exit))))
+
+
+def enrol_routers(inventory: Inventory, rehearsal: Rehearsal, hosts: Iterable[Host], request: Request) -> None:
+    """Install the identities of the VPN's routers among `hosts` on their emulated devices, all at the same time.
+
+    Raises DeviceError with the message of the first device that refuses, UsageError, and SiteBusy.
+    """
+    request = request.model_copy(update={**rehearsal.request_fields, "rehearsed": True})
+    routers = [
+        host
+        for host in hosts
+        if isinstance(host.device, Router) and host.device.vpn_client is not None and host.name in request.targets
+    ]
+
+    def enrol(host: Host) -> InstalledIdentity:
+        return install(inventory, host, identity_for(inventory, host, request), request)
+
+    with ThreadPoolExecutor(max_workers=max(1, len(routers))) as pool:
+        for result in pool.map(enrol, routers):
+            if result.exit is not errors.ExitCode.DONE:
+                raise errors.DeviceError(msg(f"{arg(result.device)}: {arg(result.message)}"), hint=result.hint)
 
 
 def _require_router(host: Host) -> None:
