@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist.plan import plan
-from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.runner import examine
-from atlantis_netcfg.checklist.runner.simulated import machine_requests, robots
+from atlantis_netcfg.checklist.runner import examine, machine_requests
+from atlantis_netcfg.checklist.runner.simulated import robots
 from atlantis_netcfg.checklist.runner.simulated.environment import machine_of, rehearsed_ears
 from atlantis_netcfg.core import events
 from atlantis_netcfg.core.events import Verdict
@@ -19,10 +18,9 @@ from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from atlantis_netcfg.checklist import PlanEntry
-    from atlantis_netcfg.checklist.probes import Question
     from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
@@ -85,7 +83,7 @@ def check_site(
     *,
     has_real_tunnels: bool = False,
 ) -> CheckOutcome:
-    """Check all items of a site that need no person, recovery and missions excepted; the routers are configured.
+    """Check all items of a site with configured routers that need no person, except recovery and missions.
 
     `has_real_tunnels`: the routers' tunnels are real, so their state is left as it is. Raises NoMatchError.
     """
@@ -97,38 +95,28 @@ def check_site(
 
     with rehearsed_ears(inventory, site, rehearsal, has_real_tunnels=has_real_tunnels) as ears:
         items = asyncio.run(examine(todo, ears, settle))
-    machine = machine_of(inventory, site, rehearsal) is not None
+    by_item: dict[str, tuple[str, ...]] = {}
+    if machine_of(inventory, site, rehearsal) is not None:
+        vpn = inventory.pilot.vpn.network
+        by_item = {
+            entry.item.id: machine_requests.gateway_limits(entry.step.probe, vpn)
+            for entry in todo
+            if entry.step.probe is not None
+        }
+    gateway = [line for item in by_item.values() for line in item] or linux.NOT_REHEARSED
     return CheckOutcome(
         site,
         items,
         sum(entry.item.kind is report.ItemKind.PERSON and not entry.step.unless for entry in entries),
-        tuple(_machine_items(inventory, todo)) if machine else (),
-        (*limits(inventory, todo, has_machine=machine), *rehearsal.not_rehearsed),
+        tuple(name for name, item in by_item.items() if item and not any(item)),
+        (*limits(todo, gateway), *rehearsal.not_rehearsed),
     )
 
 
-def _machine_items(inventory: Inventory, entries: Sequence[PlanEntry]) -> Iterator[str]:
-    for entry in entries:
-        reasons = [machine_requests.limit_of(each, inventory.pilot.vpn.network) for each in _gateway_requests([entry])]
-        if reasons and not any(reasons):
-            yield entry.item.id
-
-
-def _gateway_requests(entries: Sequence[PlanEntry]) -> Iterator[Question]:
-    for entry in entries:
-        if entry.step.probe is not None:
-            yield from (each for each in entry.step.probe.asks() if each.place is Place.GATEWAY)
-
-
-def limits(inventory: Inventory, entries: Sequence[PlanEntry], *, has_machine: bool) -> tuple[str, ...]:
-    """Return the limits of the emulators for these entries; `has_machine`: the gateway is a real machine."""
+def limits(entries: Sequence[PlanEntry], gateway: Sequence[str] = linux.NOT_REHEARSED) -> tuple[str, ...]:
+    """Return the limits of the emulators for these entries; `gateway`: those of the gateway computer."""
     endpoints = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
     values = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
     values |= {"robot": robots, "integration": robots}
     lines = [line for endpoint, emulator in values.items() if endpoint in endpoints for line in emulator.NOT_REHEARSED]
-    if has_machine:
-        vpn = inventory.pilot.vpn.network
-        lines += filter(None, (machine_requests.limit_of(each, vpn) for each in _gateway_requests(entries)))
-    else:
-        lines += linux.NOT_REHEARSED
-    return tuple(dict.fromkeys(lines))
+    return tuple(filter(None, dict.fromkeys([*lines, *gateway])))

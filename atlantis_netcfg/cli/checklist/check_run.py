@@ -124,8 +124,7 @@ def not_rehearsed(site_session: CommandSession, entries: Sequence[PlanEntry]) ->
         return ()
     from atlantis_netcfg.checklist.rehearsal import limits
 
-    lines = limits(site_session.inventory, entries, has_machine=False)
-    return tuple(dict.fromkeys([*lines, *site_session.rehearsal.not_rehearsed]))
+    return tuple(dict.fromkeys([*limits(entries), *site_session.rehearsal.not_rehearsed]))
 
 
 @contextmanager

@@ -21,9 +21,9 @@ from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.base import DhcpOffer, RouterAdvertisement
-from atlantis_netcfg.checklist.runner import _real
+from atlantis_netcfg.checklist.runner import _real, machine_requests
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, trouble_answer
-from atlantis_netcfg.checklist.runner.simulated import _world, machine_requests
+from atlantis_netcfg.checklist.runner.simulated import _world
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.core.events import ignore
