@@ -97,12 +97,9 @@ def check_site(
         items = asyncio.run(examine(todo, ears, settle))
     by_item: dict[str, tuple[str, ...]] = {}
     if machine_of(inventory, site, rehearsal) is not None:
-        vpn = inventory.pilot.vpn.network
-        by_item = {
-            entry.item.id: machine_requests.gateway_limits(entry.step.probe, vpn)
-            for entry in todo
-            if entry.step.probe is not None
-        }
+        for entry in todo:
+            assert entry.step.probe is not None  # noqa: S101 - chosen so above
+            by_item[entry.item.id] = machine_requests.gateway_limits(entry.step.probe, inventory.pilot.vpn.network)
     gateway = [line for item in by_item.values() for line in item] or linux.NOT_REHEARSED
     return CheckOutcome(
         site,
