@@ -122,14 +122,9 @@ def not_rehearsed(site_session: CommandSession, entries: Sequence[PlanEntry]) ->
     """Return the limits of the emulators for these entries."""
     if site_session.rehearsal is None:
         return ()
-    from atlantis_netcfg.checklist.runner.simulated import robots
-    from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
+    from atlantis_netcfg.checklist.rehearsal import limits
 
-    endpoints = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
-    values = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
-    values |= {"robot": robots, "integration": robots}
-    beside = [line for endpoint, emulator in values.items() if endpoint in endpoints for line in emulator.NOT_REHEARSED]
-    return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *site_session.rehearsal.not_rehearsed]))
+    return tuple(dict.fromkeys([*limits(entries), *site_session.rehearsal.not_rehearsed]))
 
 
 @contextmanager

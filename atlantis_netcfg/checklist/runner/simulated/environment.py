@@ -3,10 +3,13 @@
 It runs the same requests as at the real site, with the emulated devices on this computer.
 
 It maps each endpoint in the inventory to its emulator: a port of this computer instead of a vehicle's address.
+
+If the gateway is a real machine, the machine answers what concerns its network (`machine_requests`).
 """
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shlex
 import time
@@ -18,7 +21,7 @@ from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.base import DhcpOffer, RouterAdvertisement
-from atlantis_netcfg.checklist.runner import _real
+from atlantis_netcfg.checklist.runner import _real, machine_requests
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, trouble_answer
 from atlantis_netcfg.checklist.runner.simulated import _world
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
@@ -32,6 +35,7 @@ from atlantis_netcfg.operations.common.request import Mode, Request
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+    from ipaddress import IPv4Network
 
     from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
     from atlantis_netcfg.inventory import Inventory
@@ -44,8 +48,8 @@ _NOBODY = "nothing stands for it in a rehearsal"
 class RehearsedTransport:
     """Runs requests in a rehearsal: real agent program for streams, simulated program output of a gateway."""
 
-    routers: _real.ProbeTransport
-    """Transport of the real site, with emulators as its devices."""
+    devices: _real.ProbeTransport
+    """Transport of the real site, with emulators and machines as its devices."""
     computer: Computer | None
     """Stands for the gateway, and for this computer as far as programs are run; None: the site has none."""
     stands: Sequence[EmulatorEndpoint]
@@ -53,13 +57,31 @@ class RehearsedTransport:
     links: Mapping[str, MeasuredLink]
     """Link -> what would have been measured."""
     robots: SimulatedRobots = field(default_factory=SimulatedRobots)
+    machine_vpn: IPv4Network | None = None
+    """Network of the VPN if the gateway is a real machine, which then answers some requests; None: simulated."""
 
     async def ask(
         self, place: probes.Place, host: str | None, questions: Questions, result: OnAnswer
     ) -> Mapping[str, probes.Answer]:
         """Run all requests of one place in one turn; see `Ears.ask`."""
         if place is probes.Place.ROUTER:
-            return await self.routers.ask(place, host, questions, result)
+            return await self.devices.ask(place, host, questions, result)
+        real = [pair for pair in questions if place is probes.Place.GATEWAY and self._is_for_machine(pair[1])]
+        if not real:
+            return await self._simulate(questions, result)
+        answer_maps = await asyncio.gather(
+            self.devices.ask(place, host, real, result),
+            self._simulate([pair for pair in questions if pair not in real], result),
+        )
+        return {key: answer for answers in answer_maps for key, answer in answers.items()}
+
+    def _is_for_machine(self, question: probes.Question) -> bool:
+        if self.machine_vpn is None:
+            return False
+        return machine_requests.limit_of(question, self.machine_vpn) == machine_requests.MACHINE
+
+    async def _simulate(self, questions: Questions, result: OnAnswer) -> Mapping[str, probes.Answer]:
+        """Run requests with the emulators on this computer."""
         streams = [(key, stream) for key, request in questions if (stream := self._relocate(request)) is not None]
         answers: dict[str, probes.Answer] = {}
         names = {key for key, _ in streams}
@@ -236,18 +258,40 @@ def _autopilot(stack: ExitStack, autopilot: _world.Autopilot) -> EmulatorEndpoin
 
 @contextmanager
 def rehearsed_ears(
-    inventory: Inventory, site: str, rehearsal: Rehearsal, broken: Sequence[str] = ()
+    inventory: Inventory,
+    site: str,
+    rehearsal: Rehearsal,
+    broken: Sequence[str] = (),
+    *,
+    has_real_tunnels: bool = False,
 ) -> Iterator[RehearsedTransport]:
-    """Provide the `ProbeTransport` of a site with only the faults `broken` (names of `FAULTS`), routers configured."""
+    """Provide the `ProbeTransport` of a site with only the faults `broken` (names of `FAULTS`), routers configured.
+
+    `has_real_tunnels`: the routers' tunnels are real, so their state is left as it is.
+    """
     world = _world.healthy(inventory, site)
+    for around in world.routers.values() if has_real_tunnels else ():
+        around.pop("tunnels", None)
     for name in broken:
         FAULTS[name].spoil(world)
     request = Request(state=state_dir(), mode=Mode.DRIFT, rehearsed=True, targets=rehearsal.targets, accept_cost=True)
     with _routers(inventory, world, rehearsal), start_emulators(world) as stands:
         computer = None if world.computer is None else Computer(world.computer)
         yield RehearsedTransport(
-            _real.RealTransport(inventory, site, request, ignore), computer, stands, site, world.links, world.robots
+            _real.RealTransport(inventory, site, request, ignore),
+            computer,
+            stands,
+            site,
+            world.links,
+            world.robots,
+            inventory.pilot.vpn.network if machine_of(inventory, site, rehearsal) else None,
         )
+
+
+def machine_of(inventory: Inventory, site: str, rehearsal: Rehearsal) -> str | None:
+    """Return the name of the computer from which a site is probed if it is a real machine, else None."""
+    gateway = inventory.computer_of(site)
+    return gateway.name if gateway is not None and gateway.name in rehearsal.computers.machines else None
 
 
 @contextmanager
