@@ -82,12 +82,14 @@ def check_site(
     notify: events.Subscriber = events.ignore,
     *,
     has_real_tunnels: bool = False,
+    step: str | None = None,
 ) -> CheckOutcome:
     """Check all items of a site with configured routers that need no person, except recovery and missions.
 
-    `has_real_tunnels`: the routers' tunnels are real, so their state is left as it is. Raises NoMatchError.
+    `has_real_tunnels`: the routers' tunnels are real, so their state is left as it is. `step`: only items of this name.
+    Raises NoMatchError.
     """
-    entries = plan(inventory, site).entries
+    entries = [entry for entry in plan(inventory, site).entries if step in {None, entry.step.name}]
     todo = [entry for entry in entries if entry.step.probe is not None and not entry.step.unless]
 
     def settle(item: report.Item) -> None:

@@ -15,6 +15,8 @@ from atlantis_netcfg.operations.common.session_link import LAN, site_link_of
 from atlantis_netcfg.runs.report.run import Pass, RunReport
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
@@ -29,7 +31,10 @@ def rehearse(
     if first.exit is not ExitCode.DONE:
         return first
     report = _again(session, emulators, first)
-    return report if report.exit is not ExitCode.DONE else _try_flows(session, emulators, report)
+    for try_packets in (_try_flows, _join_sites):
+        if report.exit is ExitCode.DONE:
+            report = try_packets(session, emulators, report)
+    return report
 
 
 def _try_flows(session: CommandSession, emulators: Rehearsal, report: RunReport) -> RunReport:
@@ -53,8 +58,32 @@ def _try_flows(session: CommandSession, emulators: Rehearsal, report: RunReport)
     if why is not None:
         limit = msg(f"packets: no flow was tried through the routers: {arg(why)}")
         return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
-    limits = [*dataplane.NOT_REHEARSED, *rehearsal.limits(flows)]
-    devices = {name: {**result, **flows.get(name, {})} for name, result in report.devices.items()}
+    return _extended(report, flows, [*dataplane.NOT_REHEARSED, *rehearsal.limits(flows)])
+
+
+def _join_sites(session: CommandSession, emulators: Rehearsal, report: RunReport) -> RunReport:
+    """Join all sites, if the VPN's server is among them: cut links, send data, and run the checklists."""
+    from atlantis_netcfg.checklist import joined_sites
+    from atlantis_netcfg.emulator import lab
+    from atlantis_netcfg.operations.pilot_network.rehearsal import join_sites
+
+    if session.inventory.pilot.vpn.server not in emulators.computers.machines:
+        return report
+    if not session.as_json:
+        print(translate("Sites joined: links cut one by one, data, checklists"), file=sys.stderr, flush=True)
+    request = session.request(Mode.APPLY)
+    try:
+        with join_sites(session.inventory, session.contacted_hosts, emulators, request) as joined:
+            fields = joined_sites.try_sites(joined)
+    except lab.MachineError as error:
+        limit = msg(f"sites were not joined: {arg(str(error))}")
+        return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
+    return _extended(report, fields, [])
+
+
+def _extended(report: RunReport, fields: Mapping[str, Mapping[str, Any]], limits: Sequence[str]) -> RunReport:
+    """Add fields to the results of devices, and limits."""
+    devices = {name: {**result, **fields.get(name, {})} for name, result in report.devices.items()}
     return replace(report, devices=devices, not_rehearsed=(*report.not_rehearsed, *limits))
 
 

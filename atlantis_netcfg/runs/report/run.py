@@ -185,7 +185,7 @@ class RunReport:
             style = _STYLES.get(ending(result), printable.Style.BAD)
             words = translate(result["message"]).removeprefix("WARN: ")
             yield (f"  {name:<{column - 3}} ", printable.StyledText(printable.below(words, column), style))
-            yield from _flows(result, column)
+            yield from _packets(result, column)
         yield from self._absent_rows(column)
         yield f"  {translate('costs, repeated runs and notes: type --verbose, too')}"
 
@@ -203,7 +203,7 @@ class RunReport:
                     words = translate(f"second run over {arg(item.bearer)}")
                     yield msg(f"{arg(below)}{arg(words)}: {arg(_remaining_text(item))}{arg(_cost(item.result))}")
                     yield from self._bill(item.result, below)
-            yield from _flows(result, column)
+            yield from _packets(result, column)
             yield from (_note("note", note, column) for note in result["notes"])
             yield from (_note("drift", drift["message"], column) for drift in result["drift"])
         yield from self._absent_rows(column)
@@ -237,13 +237,14 @@ _STYLES = {
 }
 
 
-def _flows(result: Mapping[str, Any], column: int) -> Iterator[printable.Row]:
+def _packets(result: Mapping[str, Any], column: int) -> Iterator[printable.Row]:
     """Yield what became of the packets of a rehearsal; differences one a line."""
-    flows = result.get("flows", {"differences": ()})
-    if "words" in flows:
-        words = printable.below(translate(flows["words"]), column)
-        yield (" " * column, printable.StyledText(words, printable.Style.GOOD))
-    yield from (f"{' ' * column}{printable.below(translate(line), column)}" for line in flows["differences"])
+    for name in ("flows", "link_cuts", "data", "checklist"):
+        section = result.get(name, {"differences": ()})
+        if "words" in section:
+            words = printable.below(translate(section["words"]), column)
+            yield (" " * column, printable.StyledText(words, printable.Style.GOOD))
+        yield from (f"{' ' * column}{printable.below(translate(line), column)}" for line in section["differences"])
 
 
 def _note(label: str, message: str, column: int) -> printable.Row:

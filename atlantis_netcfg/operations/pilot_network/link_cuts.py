@@ -1,0 +1,118 @@
+"""Cut the links of a site one after the other: its traffic has to move on, and back, within the inventory's times.
+
+Frames are lost on the cut link, so that only the router's own probes can notice. Their schedule is on the emulated
+router's clock, which is moved forward; each answer is a packet.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.routeros.render import view
+from atlantis_netcfg.routeros.render._links import WATCH_S
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.inventory import Host, model
+    from atlantis_netcfg.operations.pilot_network.rehearsal import JoinedRehearsal
+
+_STEP_S: Final = 1.0
+"""Emulated seconds between two looks at the route in use."""
+_MARGIN_S: Final = 11.0
+"""What docs/links.md adds to the declared time: the interval of the probes, and the wait for the last answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkMove:
+    """How the traffic of a site moved from one link to another, after a cut or its end."""
+
+    before: str
+    after: str
+    limit_s: float
+    used: str | None = None
+    """The link in use when the time was over; None: none."""
+    took_s: float = 0.0
+    """Of the router's clock."""
+
+    @property
+    def is_in_time(self) -> bool:
+        """Whether the right link was in use within the declared time."""
+        return self.used == self.after
+
+    def __str__(self) -> str:
+        if self.is_in_time:
+            return msg(f"{arg(self.before)} to {arg(self.after)} in {arg(self.took_s):.0f} s")
+        used = self.used or msg("no link")
+        return msg(
+            f"{arg(self.before)} to {arg(self.after)}: after {arg(self.limit_s):.0f} s {arg(used)} carries the traffic"
+        )
+
+
+@dataclass(slots=True)
+class LinkCuts:
+    """The moves of one site's traffic."""
+
+    moves: list[LinkMove] = field(default_factory=list)
+
+    @property
+    def differences(self) -> list[str]:
+        """Moves that were not as declared, one line each."""
+        return [str(move) for move in self.moves if not move.is_in_time]
+
+    @property
+    def words(self) -> str:
+        """One line for people about the moves that were as declared."""
+        return msg(f"traffic moved by itself when links were cut: {arg(join(', ', map(str, self.moves)))}")
+
+
+def cut_links(joined: JoinedRehearsal, host: Host, visit: Callable[[str], None]) -> LinkCuts:
+    """Cut a router's links in order of preference, then mend all; `visit` is called with each link while it is used."""
+    links = joined.inventory.sites[host.site].bearers
+    result = LinkCuts()
+    first = links[0]
+    _move(joined, host, LinkMove("", first.name, _return_s(joined, host, first)))
+    visit(first.name)
+    for link, following in zip(links, links[1:], strict=False):
+        joined.network.links[host.site, link.name].is_up = False
+        result.moves.append(_move(joined, host, LinkMove(link.name, following.name, _leave_s(joined, host, link))))
+        visit(following.name)
+    for link in links:
+        joined.network.links[host.site, link.name].is_up = True
+    if len(links) > 1:
+        back = LinkMove(links[-1].name, first.name, _return_s(joined, host, first))
+        result.moves.append(_move(joined, host, back))
+    return result
+
+
+def link_in_use(joined: JoinedRehearsal, host: Host) -> str | None:
+    """Return the link over which a router's default route leads now."""
+    namespace = joined.network.routers[host.name]
+    routes = json.loads(joined.network.run(namespace, "ip", "-j", "route", "show", "default"))
+    ports = {port.name: port.link for port in view.router_of(host).ports}
+    best = min(routes, key=lambda route: route.get("metric", 0), default={})
+    return ports.get(best.get("dev", ""))
+
+
+def _move(joined: JoinedRehearsal, host: Host, move: LinkMove) -> LinkMove:
+    """Move the router's clock forward until the right link is in use, or the time is over."""
+    begin, skipped_s, took_s = time.monotonic(), 0.0, 0.0
+    while (used := link_in_use(joined, host)) != move.after and took_s < move.limit_s:
+        joined.rehearsal.emulators.do(host.name, "wait", seconds=_STEP_S)
+        skipped_s += _STEP_S
+        took_s = skipped_s + time.monotonic() - begin
+    return replace(move, used=used, took_s=took_s)
+
+
+def _leave_s(joined: JoinedRehearsal, host: Host, link: model.Link) -> float:
+    times = joined.inventory.sites[host.site].failover
+    return times.hold_down_s + (times.metered_probe_s if link.metered else 0) + _MARGIN_S
+
+
+def _return_s(joined: JoinedRehearsal, host: Host, link: model.Link) -> float:
+    times = joined.inventory.sites[host.site].failover
+    return times.fail_back_s + (times.metered_probe_s if link.metered else WATCH_S) + _MARGIN_S
