@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.emulator.routeros.certificates import read_certificate
+from atlantis_netcfg.emulator.routeros.dataplane.live import LiveNetwork
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.shell import ssh
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
@@ -66,6 +67,8 @@ class EmulatedRouter:
         self._radio: Callable[[], None] | None = None
         self._carried: Callable[[], bool] | None = None
 
+        self._namespace: str | None = None
+
     async def start(self) -> None:
         """Boot from the state directory and listen. Raises SeedError, or OSError if a port is taken."""
         loop = asyncio.get_running_loop()
@@ -73,6 +76,7 @@ class EmulatedRouter:
         flash = self._flash.load()
         if flash is not None:
             self.device.restore(flash)
+        self.attach(self._namespace)
         self._issue()
         self._board = Switchboard(
             self.device,
@@ -103,6 +107,9 @@ class EmulatedRouter:
         if self._serial is not None:
             self._serial.close()
             self._serial = None
+        if self.device.core.live is not None:
+            self.device.core.live.close()
+            self.device.core.live = None
         self._board.stop()
         await asyncio.sleep(0)
         if self._board.failure is not None:
@@ -247,6 +254,19 @@ class EmulatedRouter:
         self.device.tick()
         await self._board.settle()
         self._board.tell()
+
+    def attach(self, namespace: str | None) -> tuple[str, ...]:
+        """Let a network namespace follow the rows, and the router send its packets there; None: no namespace does.
+
+        Return what Linux cannot stand for, one line each. Raises LookupError if there is no such namespace.
+        """
+        core, self._namespace = self.device.core, None
+        if core.live is not None:
+            core.live.close()
+        core.live = None if namespace is None else LiveNetwork(core, namespace)
+        self._namespace = namespace
+        core.store.revision += 1  # other rows of netwatch are watched
+        return () if core.live is None else core.live.limits
 
     def drop(self) -> None:
         """Reset all connections, at both ends."""
