@@ -245,15 +245,19 @@ class EmulatedRouter:
 
     async def wait(self, seconds: float) -> None:
         """Advance only the router's time and process what becomes due; its connections are paused."""
-        ours = asyncio.get_running_loop().time()
-        end = ours + self._ahead_s + seconds
+        end = asyncio.get_running_loop().time() + self._ahead_s + seconds
         while (due := self.device.due()) is not None and due <= end:
-            self._ahead_s = max(self._ahead_s, due - ours)
+            self._move_clock(due)
             self.device.tick()
-        self._ahead_s = self._board.ahead_s = end - ours
+        self._move_clock(end)
         self.device.tick()
         await self._board.settle()
         self._board.tell()
+
+    def _move_clock(self, moment: float) -> None:
+        """Let the router's time be at least `moment`; packets of its probes may have taken longer."""
+        self._ahead_s = max(self._ahead_s, moment - asyncio.get_running_loop().time())
+        self._board.ahead_s = self._ahead_s
 
     def attach(self, namespace: str | None) -> tuple[str, ...]:
         """Let a network namespace follow the rows, and the router send its packets there; None: no namespace does.
