@@ -108,6 +108,10 @@ async def _around(router: EmulatedRouter, **changes: Any) -> dict[str, Any]:  # 
     return values
 
 
+async def _attach(router: EmulatedRouter, namespace: str | None) -> list[str]:
+    return list(router.attach(namespace))
+
+
 async def _drop(router: EmulatedRouter) -> None:
     router.drop()
 
@@ -174,6 +178,7 @@ async def _is_wrapped(router: EmulatedRouter, interface: str) -> bool:
 
 COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "around": _around,
+    "attach": _attach,
     "carry": _carry,
     "info": _info,
     "export": _export,

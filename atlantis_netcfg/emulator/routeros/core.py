@@ -18,6 +18,7 @@ from atlantis_netcfg.emulator.routeros.store import ActionHistory, RowStore
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros import answers
+    from atlantis_netcfg.emulator.routeros.dataplane.live import LiveNetwork, PacketProbe
     from atlantis_netcfg.emulator.routeros.radio._settings import RadioState
 
 _LOG_LINES = 1000
@@ -78,6 +79,8 @@ class NetwatchState:
     failure_count: int = 0
     last: tuple[int, int] = (0, 0)
     """Packets sent and answered in the last complete test."""
+    open_probes: list[PacketProbe] = field(default_factory=list)
+    """Packets of the test without a response so far, with a live data plane."""
 
 
 @dataclass(slots=True)
@@ -87,6 +90,8 @@ class NextHop:
     at: float
     missed_count: int = 0
     waiting: bool = False
+    probe: PacketProbe | None = None
+    """The packet that is waited for, with a live data plane."""
 
 
 @dataclass(slots=True)
@@ -159,6 +164,8 @@ class Core:
         self.dead: frozenset[IPv4Address] = frozenset()
         """Gateways that `check-gateway` found unreachable."""
         self.watched = WatchedHost()
+        self.live: LiveNetwork | None = None
+        """Namespace that carries packets as the rows say; None: packets exist only in thought."""
         self.boot_clock = spec.clock
         self.script_cache: dict[str, list[Any]] = {}
         """Parsed statements of executed scripts (`console.run`): a watched host runs its script at each test."""
@@ -198,6 +205,9 @@ class Core:
         """Continue with the clock and session numbers from before a restart."""
         self.boot_clock = before.time()
         self.silent = before.silent
+        if before.live is not None:
+            self.live = before.live
+            self.live.restart(self)
         self._numbers = before.number()
         self.sim = before.sim
         self.sim.restart()

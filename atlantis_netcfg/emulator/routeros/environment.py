@@ -97,7 +97,7 @@ def lease(core: Core, item: StoredItem) -> _Row:
 
 def ntp(core: Core, _item: StoredItem) -> _Row:
     """Return whether a configured server has set the clock, for `/system/ntp/client`."""
-    server = core.spec.around.time_server
+    server = core.spec.around.time_server if core.live is None else core.live.time_server()
     client, servers = core.store.table("/system/ntp/client"), core.store.table("/system/ntp/client/servers")
     on = any(core.store.text(client, item, "enabled") == "yes" for item in client.items)
     there = {core.store.text(servers, item, "address") for item in servers.items}

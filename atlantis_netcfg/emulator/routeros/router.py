@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.emulator.routeros.certificates import read_certificate
+from atlantis_netcfg.emulator.routeros.dataplane.live import LiveNetwork
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.shell import ssh
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
@@ -66,6 +67,8 @@ class EmulatedRouter:
         self._radio: Callable[[], None] | None = None
         self._carried: Callable[[], bool] | None = None
 
+        self._namespace: str | None = None
+
     async def start(self) -> None:
         """Boot from the state directory and listen. Raises SeedError, or OSError if a port is taken."""
         loop = asyncio.get_running_loop()
@@ -73,6 +76,7 @@ class EmulatedRouter:
         flash = self._flash.load()
         if flash is not None:
             self.device.restore(flash)
+        self.attach(self._namespace)
         self._issue()
         self._board = Switchboard(
             self.device,
@@ -103,6 +107,9 @@ class EmulatedRouter:
         if self._serial is not None:
             self._serial.close()
             self._serial = None
+        if self.device.core.live is not None:
+            self.device.core.live.close()
+            self.device.core.live = None
         self._board.stop()
         await asyncio.sleep(0)
         if self._board.failure is not None:
@@ -238,15 +245,32 @@ class EmulatedRouter:
 
     async def wait(self, seconds: float) -> None:
         """Advance only the router's time and process what becomes due; its connections are paused."""
-        ours = asyncio.get_running_loop().time()
-        end = ours + self._ahead_s + seconds
+        end = asyncio.get_running_loop().time() + self._ahead_s + seconds
         while (due := self.device.due()) is not None and due <= end:
-            self._ahead_s = max(self._ahead_s, due - ours)
+            self._move_clock(due)
             self.device.tick()
-        self._ahead_s = self._board.ahead_s = end - ours
+        self._move_clock(end)
         self.device.tick()
         await self._board.settle()
         self._board.tell()
+
+    def _move_clock(self, moment: float) -> None:
+        """Let the router's time be at least `moment`; packets of its probes may have taken longer."""
+        self._ahead_s = max(self._ahead_s, moment - asyncio.get_running_loop().time())
+        self._board.ahead_s = self._ahead_s
+
+    def attach(self, namespace: str | None) -> tuple[str, ...]:
+        """Let a network namespace follow the rows, and the router send its packets there; None: no namespace does.
+
+        Return what Linux cannot stand for, one line each. Raises LookupError if there is no such namespace.
+        """
+        core, self._namespace = self.device.core, None
+        if core.live is not None:
+            core.live.close()
+        core.live = None if namespace is None else LiveNetwork(core, namespace)
+        self._namespace = namespace
+        core.store.revision += 1  # other rows of netwatch are watched
+        return () if core.live is None else core.live.limits
 
     def drop(self) -> None:
         """Reset all connections, at both ends."""

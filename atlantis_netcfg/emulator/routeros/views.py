@@ -418,12 +418,16 @@ def _netwatch(core: Core, item: StoredItem) -> dict[str, str]:
 
 def _packet_counter(path: str) -> Callable[[Core, StoredItem], dict[str, str]]:
     def count_packets(core: Core, item: StoredItem) -> dict[str, str]:
+        if core.live is None and path not in _MODELLED:
+            return {}
         packets, octets = core.met.get((path, item.id), (0, 0))
         return {"packets": str(packets), "bytes": str(octets)}
 
     return count_packets
 
 
+_MODELLED = ("/ip/firewall/filter", "/ip/firewall/mangle")
+"""Menus whose rules count packets without a live data plane."""
 _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
     "/certificate": _certificate,
     "/ip/firewall/address-list": _timeout_property,
@@ -431,6 +435,8 @@ _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
     "/ip/dhcp-server/lease": environment.lease,
     "/ip/firewall/filter": _packet_counter("/ip/firewall/filter"),
     "/ip/firewall/mangle": _packet_counter("/ip/firewall/mangle"),
+    "/ip/firewall/nat": _packet_counter("/ip/firewall/nat"),
+    "/ip/firewall/raw": _packet_counter("/ip/firewall/raw"),
     "/ip/service": _service,
     "/system/clock": _clock,
     "/system/ntp/client": environment.ntp,
@@ -478,6 +484,8 @@ def _connection(core: Core, caller: Caller) -> dict[str, str]:
 
 def rows(core: Core, path: str, *, sensitive: bool = True) -> list[dict[str, str]]:
     """Return all rows of a menu; dynamic ones first where RouterOS lists them first."""
+    if core.live is not None:
+        core.live.count_packets(path)
     table = core.store.table(path)
     local = [item_row(core, path, table, item, sensitive=sensitive) for item in table.items]
     extra_rows = made_rows(core, path)

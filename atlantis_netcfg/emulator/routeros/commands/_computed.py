@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.routeros.values import id_text, interval
 from atlantis_netcfg.emulator.routeros.views import TRAFFIC, type_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from atlantis_netcfg.emulator.routeros.core import Call, Core
     from atlantis_netcfg.emulator.routeros.network.topology import Interface
@@ -34,15 +34,18 @@ def _format_bool(value: object) -> str:
 
 
 def _interfaces(core: Core, _call: Call) -> Rows:
+    octets = {} if core.live is None else core.live.octets()
     numbered_rows = [
-        (item.id, _interface(core, table, item, core.topology.interfaces[item.id]))
+        (item.id, _interface(core, table, item, core.topology.interfaces[item.id], octets))
         for table in core.store.space_tables("interface")
         for item in table.items
     ]
     return [row for _, row in sorted(numbered_rows, key=lambda pair: pair[0])]
 
 
-def _interface(core: Core, table: Table, item: StoredItem, interface: Interface) -> dict[str, str]:
+def _interface(
+    core: Core, table: Table, item: StoredItem, interface: Interface, octets: Mapping[int, tuple[int, int]]
+) -> dict[str, str]:
     mtu = core.store.text(table, item, "mtu") or "1500"
     row = {".id": id_text(item.id), "name": interface.name, "type": type_of(interface), "mtu": mtu}
     row["actual-mtu"] = "1500" if mtu == "auto" else mtu
@@ -55,8 +58,8 @@ def _interface(core: Core, table: Table, item: StoredItem, interface: Interface)
     flags = {"running": interface.running, "disabled": not interface.is_enabled}
     if interface.master is not None:
         flags["slave"] = True
-    rx, tx = core.octets.get(row.get("default-name", ""), (0, 0))
-    traffic = dict.fromkeys(TRAFFIC, "0") | {"rx-byte": str(rx), "tx-byte": str(tx)}
+    own, others = core.octets.get(row.get("default-name", ""), (0, 0)), octets.get(item.id, (0, 0))
+    traffic = dict.fromkeys(TRAFFIC, "0") | {"rx-byte": str(own[0] + others[0]), "tx-byte": str(own[1] + others[1])}
     return row | traffic | {name: _format_bool(value) for name, value in flags.items()}
 
 
@@ -275,6 +278,12 @@ def _bridge_hosts(core: Core, _call: Call) -> Rows:
     ]
 
 
+def connections(core: Core, _call: Call) -> Rows:
+    """Return the tracked connections of a live data plane."""
+    rows = [] if core.live is None else core.live.connections()
+    return [{".id": id_text(number), **row} for number, row in enumerate(rows, start=1)]
+
+
 COMPUTED_MENUS: dict[str, Callable[[Core, Call], Rows]] = {
     "/file": _files,
     "/interface": _interfaces,
@@ -283,6 +292,7 @@ COMPUTED_MENUS: dict[str, Callable[[Core, Call], Rows]] = {
     "/interface/wifi/registration-table": registrations,
     "/interface/wireless/registration-table": registrations,
     "/ip/arp": _arp,
+    "/ip/firewall/connection": connections,
     "/ip/neighbor": lambda core, _call: heard_names(core),
     "/log": _log,
     "/safe-mode": _safe_mode,

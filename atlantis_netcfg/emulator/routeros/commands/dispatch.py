@@ -40,6 +40,7 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/interface/set": (system.interface, "write"),
     "/interface/wifi/monitor": (radio.monitor, "read"),
     "/interface/wireless/monitor": (radio.monitor, "read"),
+    "/ip/firewall/connection/remove": (system.remove_connections, "write"),
     "/log/debug": (system.log, "write"),
     "/log/error": (system.log, "write"),
     "/log/info": (system.log, "write"),

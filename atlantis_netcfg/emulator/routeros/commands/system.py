@@ -1,4 +1,4 @@
-"""Commands without rows: reboot, ping, log, device-mode, `/interface`, safe mode, undo and redo.
+"""Commands without rows: reboot, ping, connections, log, device-mode, `/interface`, safe mode, undo and redo.
 
 Manual, Ethernet; Manual, PoE-Out; Manual, Configuration Management: Safe Mode. The API's response to a second session
 that takes safe mode is not published; the text is the console's question as an error.
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.access import FEATURES
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import _checks, write
+from atlantis_netcfg.emulator.routeros.commands._computed import connections
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, notify_holder_lost
 from atlantis_netcfg.emulator.routeros.environment import load_of
 from atlantis_netcfg.emulator.routeros.network.path import answers
@@ -23,7 +24,7 @@ from atlantis_netcfg.emulator.routeros.spec import Deviation, DeviceModeName
 from atlantis_netcfg.emulator.routeros.values import id_text
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Sequence
 
     from atlantis_netcfg.emulator.routeros.store import StoredItem
 
@@ -38,7 +39,7 @@ def reboot(core: Core, _call: Call) -> CallResult:
 
 
 def ping(core: Core, call: Call) -> CallResult:
-    """Send echo requests; the spec lists the responding addresses, the configuration decides reachability."""
+    """Send echo requests: packets of a live data plane, else the spec and the configuration decide who responds."""
     argument_names = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
         if name not in argument_names:
@@ -52,10 +53,26 @@ def ping(core: Core, call: Call) -> CallResult:
     source = call.arguments.get("src-address")
     if call.arguments.get("arp-ping") == "yes":
         # Who answers ARP on a link of its own is nobody's packet on the way out, and needs no route.
-        return CallResult(rows=_echoes(str(target), int(count), reachable=str(target) in core.spec.answering))
+        return CallResult(
+            rows=_echoes(core, target, _modelled(int(count), reachable=str(target) in core.spec.answering))
+        )
+    if core.live is not None:
+        return CallResult(rows=_echoes(core, target, core.live.ping(target, source, int(count))))
     reachable = answers(core, target, source)
     count_echoes(core, target, source, int(count), has_answer=reachable)
-    return CallResult(rows=_echoes(str(target), int(count), reachable=reachable))
+    return CallResult(rows=_echoes(core, target, _modelled(int(count), reachable=reachable)))
+
+
+def remove_connections(core: Core, call: Call) -> CallResult:
+    """Remove tracked connections; without a live data plane there are none."""
+    rows = {row[".id"]: row for row in connections(core, call)}
+    numbers = call.arguments.get("numbers") or call.arguments.get(".id") or ""
+    for number in filter(None, numbers.split(",")):
+        if number not in rows:
+            raise _checks.no_such_item()
+        if core.live is not None:
+            core.live.forget_connections(rows[number])
+    return CallResult()
 
 
 def _target(text: str) -> IPv4Address:
@@ -65,17 +82,35 @@ def _target(text: str) -> IPv4Address:
         raise Trap("failure: resolve failed" if text[:1].isalpha() else "invalid value for argument address") from error
 
 
-def _echoes(host: str, count: int, *, reachable: bool) -> list[dict[str, str]]:
-    rows = []
-    for number in range(count):
-        row = {"seq": str(number), "host": host}
-        row |= {"size": _PING_SIZE, "ttl": "64", "time": "1ms"} if reachable else {"status": "timeout"}
-        received_count = number + 1 if reachable else 0
-        row |= {"sent": str(number + 1), "received": str(received_count), "packet-loss": "0" if reachable else "100"}
-        if reachable:
-            row |= {"min-rtt": "1ms", "avg-rtt": "1ms", "max-rtt": "1ms"}
+def _modelled(count: int, *, reachable: bool) -> list[tuple[float, int] | None]:
+    return [(0.001, 64) if reachable else None] * count
+
+
+def _echoes(core: Core, host: IPv4Address, results: Sequence[tuple[float, int] | None]) -> list[dict[str, str]]:
+    """Return a row for each echo request; results are round-trip time in seconds and TTL, None after a timeout."""
+    rows, times = [], list[float]()
+    for number, result in enumerate(results):
+        row = {"seq": str(number), "host": str(host)}
+        if result is None:
+            row["status"] = "timeout"
+        else:
+            times.append(result[0])
+            row |= {"size": _PING_SIZE, "ttl": str(result[1]), "time": _time(core, result[0])}
+        loss_percent = 100 * (number + 1 - len(times)) // (number + 1)
+        row |= {"sent": str(number + 1), "received": str(len(times)), "packet-loss": str(loss_percent)}
+        if times:
+            figures = {"min-rtt": min(times), "avg-rtt": sum(times) / len(times), "max-rtt": max(times)}
+            row |= {name: _time(core, value) for name, value in figures.items()}
         rows.append(row)
     return rows
+
+
+def _time(core: Core, value_s: float) -> str:
+    """Format a round-trip time: `1ms204us`, before version 7 `1ms`."""
+    milliseconds, microseconds = divmod(round(value_s * 1e6), 1000)
+    if not core.schema.at_least("7.0"):
+        return f"{milliseconds}ms"
+    return (f"{milliseconds}ms" if milliseconds else "") + (f"{microseconds}us" if microseconds else "") or "0us"
 
 
 def log(core: Core, call: Call) -> CallResult:

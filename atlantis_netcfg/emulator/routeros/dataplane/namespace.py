@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -32,22 +33,24 @@ class RouterNamespace:
     _devices: set[str] = field(default_factory=set)
 
     def apply(self, state: NetworkState) -> bool:
-        """Bring the namespace to a state; return whether anything was different. Raises MachineError."""
+        """Bring the namespace to a state; return whether its firewall was loaded. Raises MachineError."""
         old = self._state
         if state == old:
             return False
         if old is None:
             self._set([*_QUIET, *(_BRIDGE if Path("/proc/sys/net/bridge").exists() else ())])
+            self._take_over(state)
         self._add_devices(state)
         # What hangs on a device that went down or on an address that is gone, Linux has removed already.
         self._ip(_removals(old, state) if old is not None else (), force=True)
         self._ip(_additions(old, state))
         if old is None or old.settings != state.settings:
             self._set(state.settings)
-        if old is None or old.firewall != state.firewall:
+        is_loaded = old is None or (old.firewall, old.counters) != (state.firewall, state.counters)
+        if is_loaded:
             self.run("nft", "-f", "-", text=state.firewall)
         self._state = state
-        return True
+        return is_loaded
 
     def restore_routes(self) -> None:
         """Add the routes of the state again: Linux removes those through a device with its last address."""
@@ -69,6 +72,14 @@ class RouterNamespace:
         if result.returncode:
             raise hosts.MachineError(f"{' '.join(words)}: {result.stderr.strip() or f'ended with {result.returncode}'}")
         return result.stdout
+
+    def _take_over(self, state: NetworkState) -> None:
+        """Keep devices of an earlier router with their cables, without what hangs on them."""
+        links = {link["ifname"] for link in json.loads(self.run("ip", "-j", "link"))}
+        self._devices |= links & {*state.bridges, *state.tunnels, *state.ports}
+        if self._devices:
+            self._ip(line for name in self._devices for line in (f"link set {name} down", f"address flush dev {name}"))
+            self._ip(("rule flush", "rule add priority 32766 table main"))
 
     def _add_devices(self, state: NetworkState) -> None:
         lines = {

@@ -24,8 +24,9 @@ _PROTOCOLS: Final = {number: name for name, number in _NUMBERS.items()}
 _ECHO_REPLY, _ECHO_REQUEST = 0, 8
 _MSS_OPTION: Final = (2, 4)
 _MARK: Final = b"ATLANTIS"
-_HEADER: Final = 20
-_SMALLEST: Final = 2 * _HEADER
+HEADER: Final = 20
+"""Bytes of an IP header without options."""
+_SMALLEST: Final = 2 * HEADER
 """Bytes of IP header, and of what follows it in our packets, at least."""
 
 
@@ -75,7 +76,7 @@ class FlowPacket:
             segment = ports + rest + struct.pack("!BBH", *_MSS_OPTION, self.mss)
             pseudo = self.source.packed + self.destination.packed + struct.pack("!BBH", 0, 6, len(segment))
             body = _with_sum(pseudo + segment, len(pseudo) + 16)[len(pseudo) :]
-        size, protocol = _HEADER + len(body), _NUMBERS[self.protocol]
+        size, protocol = HEADER + len(body), _NUMBERS[self.protocol]
         head = struct.pack("!BBHHHBBH", 0x45, self.dscp << 2, size, self.number, 0, 64, protocol, 0)
         return _with_sum(head + self.source.packed + self.destination.packed, 10) + body
 
@@ -84,7 +85,7 @@ def decode(data: bytes) -> FlowPacket | None:
     """Return one of our packets; None for any other, such as an ICMP error or what the router itself replies."""
     if len(data) < _SMALLEST or data[0] != 0x45 or data[9] not in _PROTOCOLS:  # noqa: PLR2004 - IPv4 without options
         return None
-    body, protocol = data[_HEADER:], _PROTOCOLS[data[9]]
+    body, protocol = data[HEADER:], _PROTOCOLS[data[9]]
     packet = FlowPacket(IPv4Address(data[12:16]), IPv4Address(data[16:20]), protocol, 0, mss=0, dscp=data[1] >> 2)
     source_port, port = struct.unpack("!HH", body[:4])
     if protocol == "tcp":

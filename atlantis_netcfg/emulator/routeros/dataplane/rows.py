@@ -45,6 +45,8 @@ class NetworkState:
     routes: tuple[str, ...]
     settings: tuple[str, ...]
     firewall: str
+    counters: tuple[tuple[str, str, int], ...]
+    """Chain of nftables, menu and id of each row with a rule, in the order of `NftRuleset.counters`."""
     limits: tuple[str, ...]
     """Rows that Linux cannot stand for, one line each."""
 
@@ -84,6 +86,7 @@ def network_state(topology: Topology) -> NetworkState:
         routes=tuple(dict.fromkeys(line for route in topology.routes for line in _route(route, tables, devices))),
         settings=tuple(_settings(topology)),
         firewall=rules.text(),
+        counters=rules.counters(),
         limits=rules.limits,
     )
 
@@ -175,7 +178,7 @@ def firewall_rows(topology: Topology) -> list[ruleset.FirewallRow]:
     """Return all rows of the firewall, menu by menu, in their order."""
     store = topology.store
     return [
-        ruleset.FirewallRow(menu, {name: store.text(table, item, name) or "" for name in item.values})
+        ruleset.FirewallRow(menu, {name: store.text(table, item, name) or "" for name in item.values}, item.id)
         for menu in ruleset.MENUS
         for table in [store.table(menu)]
         for item in table.items

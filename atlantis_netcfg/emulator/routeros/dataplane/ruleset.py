@@ -69,6 +69,8 @@ class FirewallRow:
 
     menu: str
     values: Mapping[str, str]
+    item: int = 0
+    """The row's id on the router."""
 
     def get(self, name: str) -> str:
         """Return a property; empty if it is not set."""
@@ -84,6 +86,8 @@ class NftRule:
     matches: tuple[str, ...]
     action: str
     comment: str
+    item: int = 0
+    """Id of the row."""
 
     def text(self) -> str:
         """Return the rule as `nft` reads it."""
@@ -117,6 +121,11 @@ class NftRuleset:
     meters: Mapping[str, str] = field(default_factory=dict)
     """Sets that count packets for each address, and after how long they forget one."""
     limits: tuple[str, ...] = ()
+
+    def counters(self) -> tuple[tuple[str, str, int], ...]:
+        """Return chain of nftables, menu and id of each row with a rule, by chains and then in their order."""
+        places = [(_chain(rule.menu, rule.chain), rule.menu, rule.item) for rule in self.rules]
+        return tuple(sorted(places, key=lambda place: place[0]))
 
     def text(self, extra: Sequence[str] = ()) -> str:
         """Return a table for `nft -f`, which replaces the one that is there; `extra`: lines of the caller's own."""
@@ -179,7 +188,8 @@ class _Translation:
         protocol = self.row.get("protocol")
         if self._needs_protocol() and protocol and not any(match.startswith(f"{protocol} ") for match in matches):
             matches.insert(0, f"meta l4proto {protocol}")
-        return NftRule(self.row.menu, self.row.get("chain"), tuple(matches), self._action(), self.row.get("comment"))
+        row = self.row
+        return NftRule(row.menu, row.get("chain"), tuple(matches), self._action(), row.get("comment"), row.item)
 
     def _needs_protocol(self) -> bool:
         return bool(self.row.get("to-ports")) or self.row.get("reject-with") == "tcp-reset"

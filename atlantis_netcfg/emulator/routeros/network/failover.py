@@ -10,11 +10,14 @@ Parity. Documented (Manual, IP Routing; Manual, Netwatch; the manual of version 
   anew after `start-delay`; after a start of the router `startup-delay` comes before that. Scripts run as `*sys` with
   the policies read, write, test and reboot; they have the variables `sent-count` and `response-count`.
 
+With a live data plane (`dataplane/live.py`) a probe is a packet, and a row of type `tcp-conn` opens a connection, which
+counts up to `thr-tcp-conn-time`. A response that comes within some milliseconds counts at once; others at the timeout.
+
 Assumed, to be checked on a device: the interval counts from the beginning of a test; a test ends with the response to
 its last packet; the state's script runs before the test's script; `start-delay` is added to `startup-delay`; several
 rows may have one host; a disabled row stops at once; an unresolvable next hop is neither probed nor marked dead; `arp`
-has the same timing as `ping`. Round trips take no time here, so that only the loss threshold is ever exceeded. Types
-of probes other than `simple` and `icmp` stay `unknown`.
+has the same timing as `ping`. Of the thresholds only that for loss is ever exceeded. Other types of probes stay
+`unknown`.
 
 Assumption: netwatch-rhythm
 Assumption: failover-recursion
@@ -28,6 +31,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.console.run import run_script
 from atlantis_netcfg.emulator.routeros.core import NETWATCH_GROUP, Core, NetwatchState, NextHop
+from atlantis_netcfg.emulator.routeros.dataplane.live import GRACE_S
 from atlantis_netcfg.emulator.routeros.network.path import receives
 from atlantis_netcfg.emulator.routeros.values import seconds
 
@@ -39,6 +43,7 @@ _ROWS, _ROUTES, _SETTINGS = "/tool/netwatch", "/ip/route", "/routing/settings"
 _NETWATCH = Caller(0, "*sys", NETWATCH_GROUP, "local", "", 0.0)
 _LOSS_PERCENT = 85.0
 _TYPES = ("simple", "icmp")
+_TCP = "tcp-conn"
 
 
 def next_watch(core: Core) -> float | None:
@@ -87,7 +92,8 @@ def _align(core: Core, at: float) -> None:
 
 
 def _is_watched(core: Core, table: Table, item: StoredItem) -> bool:
-    return core.store.text(table, item, "disabled") != "yes" and core.store.text(table, item, "type") in _TYPES
+    types = _TYPES if core.live is None else (*_TYPES, _TCP)
+    return core.store.text(table, item, "disabled") != "yes" and core.store.text(table, item, "type") in types
 
 
 def _read_seconds(core: Core, table: Table, item: StoredItem, name: str) -> float:
@@ -127,12 +133,17 @@ def _check_gateway(core: Core, hop: IPv4Address, gateway: NextHop) -> None:
     if gateway.waiting:
         gateway.waiting = False
         gateway.at += interval - timeout
+        if gateway.probe is not None and gateway.probe.has_response():
+            gateway.missed_count = 0
+            _set_dead(core, core.dead - {hop})
+            return
         gateway.missed_count += 1
         if gateway.missed_count >= _check(core, "count"):
             _set_dead(core, core.dead | {hop})
         return
     is_resolved = any(route.gateway == hop and route.way for route in core.topology.routes)
-    if is_resolved and hop in core.silent:
+    gateway.probe = core.live.echo(hop, None, timeout) if is_resolved and core.live is not None else None
+    if is_resolved and (hop in core.silent if gateway.probe is None else not gateway.probe.has_response(GRACE_S)):
         gateway.waiting = True
         gateway.at += timeout
         return
@@ -159,7 +170,7 @@ def _test(core: Core, number: int, row: NetwatchState) -> None:
     icmp = core.store.text(table, item, "type") == "icmp"
     count = int(core.store.text(table, item, "packet-count") or 1) if icmp else 1
     if not row.waiting:
-        has_answer = _has_answer(core, table, item)
+        has_answer = _has_answer(core, table, item, row)
         row.sent_count += 1
         row.answer_count += has_answer
         if row.sent_count < count:
@@ -169,15 +180,29 @@ def _test(core: Core, number: int, row: NetwatchState) -> None:
             row.waiting = True
             row.at += _read_seconds(core, table, item, "timeout")
             return
+    row.answer_count += sum(probe.has_response(None if row.waiting else 0.0) for probe in row.open_probes)
+    row.open_probes.clear()
     _finish(core, table, item, row)
 
 
-def _has_answer(core: Core, table: Table, item: StoredItem) -> bool:
+def _has_answer(core: Core, table: Table, item: StoredItem, row: NetwatchState) -> bool:
+    """Return whether a packet is answered at once; one of a live data plane that is not becomes an open probe."""
     try:
         host = IPv4Address(core.store.text(table, item, "host") or "")
     except AddressValueError:
         return False
-    return core.topology.is_local(host) or receives(core, host, core.store.text(table, item, "src-address"))
+    source = core.store.text(table, item, "src-address")
+    if core.live is None:
+        return core.topology.is_local(host) or receives(core, host, source)
+    timeout = _read_seconds(core, table, item, "timeout")
+    if core.store.text(table, item, "type") == _TCP:
+        timeout = min(timeout, _read_seconds(core, table, item, "thr-tcp-conn-time") or timeout)
+        probe = core.live.connect(host, int(core.store.text(table, item, "port") or 0), source, timeout)
+    else:
+        probe = core.live.echo(host, source, timeout)
+    has_answer = probe.has_response(GRACE_S)
+    row.open_probes += [] if has_answer else [probe]
+    return has_answer
 
 
 def _finish(core: Core, table: Table, item: StoredItem, row: NetwatchState) -> None:

@@ -303,6 +303,8 @@ class Switchboard:
         async with self._settling:
             if self._device.wants_reboot:
                 self.reboot(clean=True)
+            if self._device.core.live is not None:
+                self._device.core.live.follow()
             for connection in self.connections:
                 connection.check()
             if self.line is not None:
