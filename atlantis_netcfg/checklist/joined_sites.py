@@ -17,8 +17,6 @@ from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.pilot_network import link_cuts, robot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from atlantis_netcfg.inventory import Host
     from atlantis_netcfg.operations.pilot_network.rehearsal import JoinedRehearsal
 
@@ -79,8 +77,12 @@ def _robots(joined: JoinedRehearsal, stack: ExitStack) -> robot.RobotProcess | N
         for name, host in joined.inventory.hosts.items()
         if name in machines and isinstance(host.device, model.ServerComputer) and host.device.vpn_address is not None
     ]
-    centres = [(place, str(device.vpn_address)) for device, _, place in places if isinstance(device, model.ControlCentre)]
-    robots = [(name, place, str(device.vpn_address)) for device, name, place in places if isinstance(device, model.Gateway)]
+    centres = [
+        (place, str(device.vpn_address)) for device, _, place in places if isinstance(device, model.ControlCentre)
+    ]
+    robots = [
+        (name, place, str(device.vpn_address)) for device, name, place in places if isinstance(device, model.Gateway)
+    ]
     if not centres or not robots or joined.inventory.pilot.dds is None:
         return None
     return stack.enter_context(robot.run_robots(joined.inventory, robots, centres[0]))

@@ -75,7 +75,7 @@ class CheckOutcome:
         }
 
 
-def check_site(
+def check_site(  # noqa: PLR0913 - what is checked, and how much of it is real
     inventory: Inventory,
     site: str,
     rehearsal: Rehearsal,

@@ -6,6 +6,7 @@ router's clock, which is moved forward; each answer is a packet.
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
 from dataclasses import dataclass, field, replace
@@ -77,7 +78,7 @@ def cut_links(joined: JoinedRehearsal, host: Host, visit: Callable[[str], None])
     first = links[0]
     _move(joined, host, LinkMove("", first.name, _return_s(joined, host, first)))
     visit(first.name)
-    for link, following in zip(links, links[1:], strict=False):
+    for link, following in itertools.pairwise(links):
         joined.network.links[host.site, link.name].is_up = False
         result.moves.append(_move(joined, host, LinkMove(link.name, following.name, _leave_s(joined, host, link))))
         visit(following.name)
@@ -94,8 +95,8 @@ def link_in_use(joined: JoinedRehearsal, host: Host) -> str | None:
     namespace = joined.network.routers[host.name]
     routes = json.loads(joined.network.run(namespace, "ip", "-j", "route", "show", "default"))
     ports = {port.name: port.link for port in view.router_of(host).ports}
-    best = min(routes, key=lambda route: route.get("metric", 0), default={})
-    return ports.get(best.get("dev", ""))
+    best = min(routes, key=lambda route: route.get("metric", 0), default=None)
+    return None if best is None else ports.get(best["dev"])
 
 
 def _move(joined: JoinedRehearsal, host: Host, move: LinkMove) -> LinkMove:

@@ -52,10 +52,6 @@ class RouterNamespace:
         self._state = state
         return is_loaded
 
-    def restore_routes(self) -> None:
-        """Add the routes of the state again: Linux removes those through a device with its last address."""
-        self._ip(_additions(self._state, self._state) if self._state is not None else (), force=True)
-
     @property
     def ports(self) -> tuple[str, ...]:
         """Devices with a plug, those that are up."""

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespace
-
 _SETTINGS: Final = TypeAdapter(TunnelSettings | None)
 _UP: Final = "Initialization Sequence Completed"
 _DOWN: Final = ("process restarting", "process exiting")
@@ -168,10 +166,11 @@ def _server_check(name: str, script: Path) -> list[str]:
 class RouterTunnels:
     """All tunnels of one router: they follow its rows, and the emulator shows which are up.
 
-    `do` sends the emulator a control command (`do` of a running site, for this router).
+    `do` sends the emulator a control command (`do` of a running site, for this router), which is attached to the
+    namespace.
     """
 
-    def __init__(self, do: Callable[..., Any], namespace: RouterNamespace, folder: Path) -> None:
+    def __init__(self, do: Callable[..., Any], namespace: str, folder: Path) -> None:
         self.tunnels: dict[str, RouterTunnel] = {}
         """By device."""
         self._do, self._namespace, self._folder = do, namespace, folder
@@ -179,11 +178,10 @@ class RouterTunnels:
         self._lock = threading.Lock()
 
     def refresh(self) -> None:
-        """Start and stop clients, so that they are as the rows say now. Call it after the namespace's `apply`."""
-        current = {
-            device: _SETTINGS.validate_python(self._do("tunnel", interface=device))
-            for device in self._namespace.tunnels
-        }
+        """Start and stop clients, so that they are as the rows say now."""
+        state = self._do("network")
+        devices = [device for device in state["tunnels"] if device in state["up"]]
+        current = {device: _SETTINGS.validate_python(self._do("tunnel", interface=device)) for device in devices}
         for device, tunnel in list(self.tunnels.items()):
             if tunnel.settings != current.get(device):
                 tunnel.close()
@@ -191,7 +189,7 @@ class RouterTunnels:
         for device, settings in current.items():
             if settings is not None and device not in self.tunnels:
                 self.tunnels[device] = RouterTunnel(
-                    self._namespace.name, device, settings, self._folder, self._shower(settings.name)
+                    self._namespace, device, settings, self._folder, self._shower(settings.name)
                 )
 
     def close(self) -> None:
@@ -205,7 +203,6 @@ class RouterTunnels:
                 self._addresses.pop(name, None)
                 if address is not None:
                     self._addresses[name] = address
-                    self._namespace.restore_routes()
                 with suppress(errors.NetcfgError):  # the emulator may end before its tunnels
                     self._do("around", tunnels=dict(self._addresses))
 
