@@ -38,6 +38,7 @@ PASSED_ON = {
     ("operations/computers/remote_session.py", "HostKeyMismatch"): _DEVICE,
     ("operations/computers/remote_session.py", "ServerRefusal"): _DEVICE,
     ("operations/vpn/live.py", "StaleRecord"): _REASON,
+    ("operations/vpn/router.py", "DeviceError"): _CAUSE,
     ("vpn/reports.py", "CorruptAuthorityError"): _REASON,
     ("vpn/router_import.py", "DeviceError"): _CAUSE,
     ("routeros/api/_values.py", "CertificateMismatch"): _CALLER,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import TypeAdapter
 
-from atlantis_netcfg.core import errors, paths, processes
+from atlantis_netcfg.core import errors, paths
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.routeros.dataplane.tunnel_rows import TunnelSettings
@@ -40,8 +40,7 @@ _NAME_CHECK: Final = """\
 
 def why_not() -> str | None:
     """Return why no tunnel can be made here, in a few words, or None."""
-    path = processes.program_path()
-    packages = [name for name in ("openvpn", "openssl") if shutil.which(name, path=path) is None]
+    packages = [name for name in ("openvpn", "openssl") if shutil.which(name) is None]
     return msg(f"missing: apt install {arg(' '.join(packages))}") if packages else None
 
 

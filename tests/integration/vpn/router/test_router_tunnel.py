@@ -18,6 +18,7 @@ from waiting import HANG_S, wait_until
 from atlantis_netcfg.core.errors import DeviceError, ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.emulator import lab
+from atlantis_netcfg.emulator.routeros.dataplane import tunnel as dataplane_tunnel
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, create_authority
@@ -155,6 +156,12 @@ def test_expired_certificate_has_no_tunnel(stand: Stand, authority: Path) -> Non
     validity = {"atlantis-vpn": {"since": "2020-01-01T00:00:00Z", "until": "2021-01-01T00:00:00Z"}}
     stand.twins.do(HOST.name, "around", validity=validity)
     assert stand.twins.do(HOST.name, "tunnel", interface=NAME) is None
+
+
+def test_missing_program_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert dataplane_tunnel.why_not() is None
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert dataplane_tunnel.why_not() == "missing: apt install openvpn openssl"
 
 
 def test_enrolment_raises_what_the_device_says(tmp_path: Path) -> None:
