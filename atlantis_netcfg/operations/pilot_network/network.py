@@ -1,7 +1,7 @@
-"""Routers' namespaces, the links between them, operators with NAT, and the internet, for computers to be plugged in.
+"""Routers' namespaces, the links between them, units with NAT, and the internet, for computers to be plugged in.
 
-    computer -- LAN of a router == link with delay, rate and loss == operator -- internet == uplink == router of the SCC
-                                == Wi-Fi bridge ===================================================/
+    computer -- LAN of a router -- 4G unit or terminal == link with delay, rate, loss == internet == router of the SCC
+                                == Wi-Fi bridge ================================================/
 
 A router's namespace is kept at its rows by whoever emulates the router; here are the cables in its ports.
 """
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
 _BACKBONE: Final = IPv4Network("198.18.0.0/15")
 """Between operators and the internet: addresses for tests of network devices (RFC 2544)."""
 _INTERNET: Final = "net"
-_OPERATOR: Final = """
-table ip operator {
+_TRANSLATION: Final = """
+table ip unit {
   chain out {
     type nat hook postrouting priority srcnat; policy accept;
     oifname "far" masquerade
   }
 }
 """
-"""What a mobile or satellite operator does with a customer's private address."""
+"""What a 4G unit or a satellite terminal does with the addresses behind it."""
 _FORWARDING: Final = ("net.ipv4.ip_forward=1", "net.ipv4.icmp_ratelimit=0", "net.ipv6.conf.all.disable_ipv6=1")
 
 
@@ -123,23 +123,36 @@ class PilotNetwork:
         ]
 
     def _lay(self, relay: FrameRelay, host: Host, link: model.Link, replay: Replay | None) -> None:
-        """Lay one link: to the router that serves it, else through an operator to the internet."""
-        server = self._serving(link)
-        if server is not None:
-            place = self.routers[server[0].name]
-        elif link.address == self.inventory.pilot.vpn.endpoint:  # a public address
-            place = self.namespace(_INTERNET)
+        """Lay one link: to the router that serves it, else to the internet, through a unit with NAT."""
+        internet, server, shapes = self.namespace(_INTERNET), self._serving(link), link_shapes(link, replay)
+        near = (self.routers[host.name], self._device("l"))
+        far = (internet if server is None else self.routers[server[0].name], self._device("l"))
+        gateway = f"{link.gateway}/{link.network.prefixlen}"
+        if server is None and link.address != self.inventory.pilot.vpn.endpoint:  # no public address
+            near = (self._add_unit(host, link.name, gateway), "far")
+            gateway = self._backbone_address(0)
+        self.links[host.site, link.name] = relay.add(near, far, shapes)
+        if near[1] == "far":
+            self._ip(near[0], f"address add {self._backbone_address(1)} dev far", "link set far up")
+            self._ip(near[0], f"route add default via {gateway.partition('/')[0]}")
         else:
-            place = self._add_operator()
-        near, far = (self.routers[host.name], self._device("l")), (place, self._device("l"))
-        self.links[host.site, link.name] = relay.add(near, far, link_shapes(link, replay))
-        self._connect(host, link.name, near)
+            self._connect(host, link.name, near)
         if server is not None:
             self._connect(*server, far)
         else:
-            self._ip(
-                place, f"address add {link.gateway}/{link.network.prefixlen} dev {far[1]}", f"link set {far[1]} up"
-            )
+            self._ip(far[0], f"address add {gateway} dev {far[1]}", f"link set {far[1]} up")
+
+    def _add_unit(self, host: Host, link: str, address: str) -> str:
+        """Make a 4G unit or a terminal at a router's port, with its address there: what it forwards is translated."""
+        namespace = self._add(f"u{self._count}")
+        self._ip(self.routers[host.name], f"link set {plug_of(_port_of(host, link))} netns {namespace} name near")
+        self._ip(namespace, f"address add {address} dev near", "link set near up")
+        self.run(namespace, "nft", "-f", "-", text=_TRANSLATION)
+        return namespace
+
+    def _backbone_address(self, end: int) -> str:
+        """Return the address of one end of the newest link to the internet."""
+        return f"{_BACKBONE[4 * self._count + 1 + end]}/30"
 
     def _serving(self, link: model.Link) -> tuple[Host, str] | None:
         """Return the router at the far end of a link between sites, and what it calls the link."""
@@ -153,8 +166,7 @@ class PilotNetwork:
     def _connect(self, host: Host, link: str, end: tuple[str, str]) -> None:
         """Put the end of a link into the socket of a router's port."""
         namespace, device = end
-        port = next(port.name for port in view.router_of(host).ports if port.link == link)
-        bridge = self._device("b")
+        port, bridge = _port_of(host, link), self._device("b")
         self._ip(
             namespace,
             f"link add {bridge} type bridge mcast_snooping 0",
@@ -163,22 +175,6 @@ class PilotNetwork:
             f"link set {device} up",
             f"link set {bridge} up",
         )
-
-    def _add_operator(self) -> str:
-        """Make an operator: it forwards from its customer to the internet, with an address of its own."""
-        namespace, internet, port = self._add(f"o{self._count}"), self.namespace(_INTERNET), self._device("o")
-        first = int(_BACKBONE.network_address) + 4 * self._count
-        here, there = IPv4Address(first + 1), IPv4Address(first + 2)
-        self._ip(
-            namespace,
-            f"link add far type veth peer name {port} netns {internet}",
-            f"address add {there}/30 dev far",
-            "link set far up",
-            f"route add default via {here}",
-        )
-        self._ip(internet, f"address add {here}/30 dev {port}", f"link set {port} up")
-        self.run(namespace, "nft", "-f", "-", text=_OPERATOR)
-        return namespace
 
     def _lan_bridge(self, router: Host) -> str:
         """Return the bridge of a router's LAN, of which its first LAN port is a member."""
@@ -202,6 +198,10 @@ class PilotNetwork:
         result = hosts.output_of(("ip", "-n", namespace, "-batch", "-"), text="\n".join([*lines, ""]))
         if result.returncode:
             raise hosts.MachineError(f"{namespace}: {result.stderr.strip()}")
+
+
+def _port_of(host: Host, link: str) -> str:
+    return next(port.name for port in view.router_of(host).ports if port.link == link)
 
 
 @contextmanager
