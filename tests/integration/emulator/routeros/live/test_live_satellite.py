@@ -80,7 +80,7 @@ async def run(stage: LiveStage, question: VpnQuestion) -> Proof:
     proving = satellite_of(shipped(), SITE, None).proving(
         shipped(), open_filter=False, try_all=True, is_rehearsal=False
     )
-    # A connection that the router's own filter drops takes as long as its row waits, in real seconds: one kind is enough.
+    # A connection that the router's own filter drops takes as long as its row waits, in real seconds.
     refused = tuple(target for target in proving.link.refused_probes if target.port is None)
     proving.link = proving.link.model_copy(update={"refused_probes": refused})
     proving.pace, proving.vpn = ProofPace(sleep=sleep), question
