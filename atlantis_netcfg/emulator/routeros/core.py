@@ -107,6 +107,9 @@ class WatchedHost:
 class Core:
     """The whole state of one router."""
 
+    live: LiveNetwork | None = None
+    """Namespace that carries packets as the rows say; None: what becomes of a packet is computed from the rows."""
+
     def __init__(  # noqa: PLR0915 - one line for each thing
         self, spec: RouterSpec, now: Callable[[], float], dispatch: Handler
     ) -> None:
@@ -164,8 +167,6 @@ class Core:
         self.dead: frozenset[IPv4Address] = frozenset()
         """Gateways that `check-gateway` found unreachable."""
         self.watched = WatchedHost()
-        self.live: LiveNetwork | None = None
-        """Namespace that carries packets as the rows say; None: packets exist only in thought."""
         self.boot_clock = spec.clock
         self.script_cache: dict[str, list[Any]] = {}
         """Parsed statements of executed scripts (`console.run`): a watched host runs its script at each test."""

@@ -17,7 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.routeros.dataplane import packets, rows, ruleset
@@ -26,8 +26,9 @@ from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespac
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.dataplane.rows import NetworkState
+    from atlantis_netcfg.emulator.routeros.network.topology import Topology
+    from atlantis_netcfg.emulator.routeros.store import RowStore
 
 GRACE_S: Final = 0.05
 """A response over a cable comes within this time; whoever has to wait longer lets other probes go on."""
@@ -43,6 +44,20 @@ _NTP_PORT: Final = 123
 _SNTP_REQUEST: Final = bytes([0x23]) + bytes(47)
 """A client's request of version 4 (RFC 4330)."""
 _CONNTRACK: Final = "conntrack"
+
+
+class LiveCore(Protocol):
+    """The router's state as far as it is followed and counted here: a `Core`."""
+
+    met: dict[tuple[str, int], tuple[int, int]]
+
+    @property
+    def store(self) -> RowStore:
+        """Its rows."""
+
+    @property
+    def topology(self) -> Topology:
+        """What they mean now."""
 
 
 @dataclass(slots=True)
@@ -69,7 +84,7 @@ class PacketProbe:
 class LiveNetwork:
     """A router that is attached to the namespace `name`, which exists; only one thread may use it."""
 
-    def __init__(self, core: Core, name: str) -> None:
+    def __init__(self, core: LiveCore, name: str) -> None:
         """Bring the namespace to the router's rows. Raises LookupError, or MachineError."""
         if not Path("/run/netns", name).exists():
             raise LookupError(f"there is no network namespace {name}")
@@ -92,7 +107,7 @@ class LiveNetwork:
         self._time_server: str | None = None
         self.follow()
 
-    def restart(self, core: Core) -> None:
+    def restart(self, core: LiveCore) -> None:
         """Continue with the router as it is after a reboot: its counters begin at 0, and no connection is known."""
         self._collect()
         self.core, self._revision = core, None
@@ -264,7 +279,7 @@ def _has_peer(connection: socket.socket) -> bool:
     return False
 
 
-def _is_time_client_on(core: Core) -> bool:
+def _is_time_client_on(core: LiveCore) -> bool:
     table = core.store.table("/system/ntp/client")
     return any(core.store.text(table, item, "enabled") == "yes" for item in table.items)
 

@@ -1,24 +1,28 @@
 """The router of a site on a live data plane, and behind each of its links a world with every address of the tests."""
 
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from ipaddress import ip_interface
 from pathlib import Path
 from typing import Any
 
+from waiting import HANG_S
+
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import hosts
-from atlantis_netcfg.emulator.routeros import EmulatorSpec, RunningSite, SiteSpec
+from atlantis_netcfg.emulator.routeros import EmulatorSpec, RunningSite, SiteSpec, User
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import plug_of
 from atlantis_netcfg.inventory import Inventory, load
 from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros.render import router, router_view
 
 SITE, ROUTER = "coastal", "coastal-router"
-PORTS = {"wifi-ptp": "ether1", "4g": "ether2", "satellite": "ether3"}
+PORTS = {"wifi-ptp": "ether1", "4g": "ether2", "satellite": "ether3", "technician": "ether8"}
 PROBE_TARGETS = {"wifi-ptp": ("198.51.100.11", "198.51.100.12"), "4g": ("198.51.100.21", "198.51.100.22")}
+TECHNICIAN = "10.64.101.10"
 TIME_SERVER, VPN_SERVER, STRANGER = "192.0.2.123", "203.0.113.2", "203.0.113.3"
 WORLD = (TIME_SERVER, "192.0.2.124", VPN_SERVER, STRANGER, "192.0.2.50", "8.8.8.8")
 _SILENCE = """
@@ -26,7 +30,7 @@ table ip silence {
   set names { type ipv4_addr; }
   chain input {
     type filter hook input priority 0; policy accept;
-    ip daddr @names drop
+    iifname "near" ip daddr @names drop
   }
 }
 """
@@ -43,7 +47,7 @@ class LiveStage:
 
     prefix: str
     site: RunningSite
-    sockets: dict[str, hosts.NamespaceSockets] = field(default_factory=dict)
+    user: User
 
     def name(self, who: str) -> str:
         return f"{self.prefix}-{who}"
@@ -79,6 +83,17 @@ class LiveStage:
         if addresses:
             self.run(who, "nft", "add", "element", "ip", "silence", "names", f"{{ {', '.join(addresses)} }}")
 
+    @contextmanager
+    def socket(self, who: str, kind: int, *at: tuple[str, int]) -> Iterator[socket.socket]:
+        """A socket in a namespace, bound to an address and port."""
+        sockets = hosts.NamespaceSockets(self.name(who))
+        with sockets.socket(kind) as made:
+            made.settimeout(HANG_S)
+            for each in at:
+                made.bind(each)
+            yield made
+        sockets.close()
+
     def connections(self, target: str) -> list[str]:
         """Who has a tracked connection to an address and port."""
         rows = self.rows("/ip/firewall/connection/print", f"?dst-address={target}")
@@ -113,11 +128,14 @@ def live_site(folder: Path) -> Iterator[LiveStage]:
         lab.reserve_name() as prefix,
         RunningSite(SiteSpec(name=SITE, emulators=(wire,)), folder) as site,
     ):
-        stage = LiveStage(prefix, site)
+        stage = LiveStage(prefix, site, twin.router.users[0])
         hosts.add_namespace(stage.name("router"))
         assert stage.do("attach", namespace=stage.name("router")) == []
         view = router_view(declared, host)
         for link in view.uplinks:
             length = ip_interface(link.interface_address).network.prefixlen
             _world(stage, link.name, f"{link.gateway}/{length}", *PROBE_TARGETS.get(link.name, ()), *WORLD)
+        management = ip_interface(view.management.address)
+        _world(stage, "technician", f"{TECHNICIAN}/{management.network.prefixlen}")
+        stage.run("technician", *f"ip route add default via {management.ip}".split())
         yield stage

@@ -4,14 +4,12 @@ import os
 import re
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 import pytest
 from live_stage import STRANGER, TIME_SERVER, LiveStage, live_site
-from waiting import HANG_S, wait_until
+from waiting import wait_until
 
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.emulator.lab import hosts
 
 pytestmark = [
     pytest.mark.namespace,
@@ -26,15 +24,6 @@ PING_ROW = "ping over wifi-ptp, to test it"
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveStage]:
     with live_site(tmp_path_factory.mktemp("live")) as made:
         yield made
-
-
-@contextmanager
-def opened(stage: LiveStage, who: str, kind: int) -> Iterator[socket.socket]:
-    sockets = hosts.NamespaceSockets(stage.name(who))
-    with sockets.socket(kind) as made:
-        made.settimeout(HANG_S)
-        yield made
-    sockets.close()
 
 
 def ping(stage: LiveStage, address: str, *words: str) -> list[dict[str, str]]:
@@ -105,8 +94,7 @@ def time_client(stage: LiveStage) -> dict[str, str]:
 
 
 def test_time_client_asks_as_soon_as_it_is_enabled(stage: LiveStage) -> None:
-    with opened(stage, "wifi-ptp", socket.SOCK_DGRAM) as server:
-        server.bind((TIME_SERVER, 123))
+    with stage.socket("wifi-ptp", socket.SOCK_DGRAM, (TIME_SERVER, 123)) as server:
         stage.console("/system/ntp/client/set", "=enabled=no")
         stage.console("/system/ntp/client/set", "=enabled=yes")
         request, client = server.recvfrom(100)
@@ -128,8 +116,7 @@ def status(stage: LiveStage, port: int) -> str:
 
 
 def test_netwatch_opens_tcp_connections(stage: LiveStage) -> None:
-    with opened(stage, "wifi-ptp", socket.SOCK_STREAM) as server:
-        server.bind((STRANGER, 443))
+    with stage.socket("wifi-ptp", socket.SOCK_STREAM, (STRANGER, 443)) as server:
         server.listen()
         assert status(stage, 443) == "up"
         assert status(stage, 444) == "down"
