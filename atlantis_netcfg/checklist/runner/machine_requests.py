@@ -19,9 +19,7 @@ _DDS = "DDS: no ROS 2 program runs on a machine; the gateway's participants are 
 _FILES = "addresses after a restart: a machine keeps its network; the gateway's network files are emulated"
 _CLOCK = "clock: a machine has this computer's; what sets the gateway's clock is emulated"
 _RADIOS = "radios: a machine has none; the gateway's are emulated"
-_VEHICLES = (
-    "vehicles: none is in the joined network; their streams and replies are emulated, and so are the declared programs"
-)
+_VEHICLES = "vehicles: none is in the joined network; their streams, replies and declared programs are emulated"
 
 REQUESTS: Final[tuple[tuple[re.Pattern[str], str], ...]] = (
     # command or type of the request, limit of the rehearsal
