@@ -32,7 +32,7 @@ MARKERS = (
     "coroutine(run=): a test that is a coroutine, and what runs it in place of asyncio.run",
     "campaign: long tests that `make campaign` runs",
     "slow: takes more than a few seconds; `make test-full` runs it, and CI in one of its shards",
-    "smoke(*cases): a slow test, or these of its cases, that `make test` runs too: one of each command and counterpart",
+    "smoke(*cases): of a slow test, or of many cases, what `make test` runs too: one of each command and counterpart",
     "namespace: runs in a network namespace of its own and may connect beyond loopback there",
 )
 MACHINES = ("emulator/lab", "computers/gateway", "computers/bundle", "vpn/server")
@@ -64,7 +64,7 @@ class Tier(StrEnum):
         for tier in (cls.ARM64, cls.CAMPAIGN):
             if tier in marks:
                 return tier
-        if "slow" not in marks:
+        if not marks & {"slow", "smoke"}:
             return cls.TEST
         case = test.name.partition("[")[2].removesuffix("]")
         is_smoke = any(case in mark.args or not mark.args for mark in test.iter_markers("smoke"))
