@@ -12,8 +12,8 @@ pytest_plugins = ["pytester"]
 
 ROOT = Path(__file__).parents[3]
 CONFTEST = ROOT / "tests" / "conftest.py"
-TEST_CPU_S = 1_000
-"""What `make test` may cost: ten minutes on two cores, with a sixth left for collection and for other load."""
+TEST_CPU_S = 500
+"""What `make test` may cost: ten minutes on two cores of half the speed, with a sixth left for collection and other load."""
 SUITE = """
 import pytest
 def test_quick(): pass
