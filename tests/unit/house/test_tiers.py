@@ -13,7 +13,7 @@ pytest_plugins = ["pytester"]
 ROOT = Path(__file__).parents[3]
 CONFTEST = ROOT / "tests" / "conftest.py"
 TEST_CPU_S = 500
-"""What `make test` may cost: ten minutes on two cores of half the speed, with a sixth left for collection and other load."""
+"""What `make test` may cost: ten minutes on two cores of half the speed, a sixth left for collection and load."""
 SUITE = """
 import pytest
 def test_quick(): pass
