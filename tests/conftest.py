@@ -14,6 +14,7 @@ from argparse import ArgumentTypeError
 from collections import defaultdict
 from contextlib import suppress
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +33,7 @@ MARKERS = (
     "coroutine(run=): a test that is a coroutine, and what runs it in place of asyncio.run",
     "campaign: long tests that `make campaign` runs",
     "slow: takes more than a few seconds; `make test-full` runs it, and CI in one of its shards",
-    "smoke(*cases): a slow test, or these of its cases, that `make test` runs too: one of each command and counterpart",
+    "smoke(*cases): of a slow test, or of many cases, what `make test` runs too: one of each command and counterpart",
     "namespace: runs in a network namespace of its own and may connect beyond loopback there",
 )
 MACHINES = ("emulator/lab", "computers/gateway", "computers/bundle", "vpn/server")
@@ -64,7 +65,7 @@ class Tier(StrEnum):
         for tier in (cls.ARM64, cls.CAMPAIGN):
             if tier in marks:
                 return tier
-        if "slow" not in marks:
+        if not marks & {"slow", "smoke"}:
             return cls.TEST
         case = test.name.partition("[")[2].removesuffix("]")
         is_smoke = any(case in mark.args or not mark.args for mark in test.iter_markers("smoke"))
@@ -85,6 +86,26 @@ def share_out(costs: Mapping[str, float], shards: int) -> list[set[str]]:
         cost, paths = shares[number]
         shares[number] = (cost + costs[path], paths | {path})
     return [paths for _, paths in shares]
+
+
+@cache
+def _rest_files(config: pytest.Config) -> tuple[set[str], set[str]]:
+    """The files with a mark of the tier `rest` in their text, and those of the requested shard."""
+    folders = [config.rootpath / folder for folder in config.getini("testpaths") or ["."]]
+    paths = [path for folder in folders for path in folder.rglob("test_*.py")]
+    marked = [path for path in paths if re.search(r"\bmark\.(slow|smoke)\b", path.read_text(encoding="utf-8"))]
+    names = [path.relative_to(config.rootpath).as_posix() for path in marked]
+    costs = file_costs()
+    number, shards = config.getoption("--shard")
+    rest = {name: max(_UNLISTED_S, costs.get(name, {}).get(Tier.REST, 0.0)) for name in names}
+    return set(names), share_out(rest, shards)[number - 1]
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import what a shard of the tier `rest` leaves out."""
+    if config.getoption("--tier") != [Tier.REST] or collection_path.suffix != ".py":
+        return None
+    return collection_path.relative_to(config.rootpath).as_posix() not in _rest_files(config)[1] or None
 
 
 def _shard(text: str) -> tuple[int, int]:
@@ -148,9 +169,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     if tiers:
         tier_of = {test: Tier.of(test) for test in items}
-        rest = {_file(test): cost(_file(test), Tier.REST) for test, tier in tier_of.items() if tier is Tier.REST}
-        number, shards = config.getoption("--shard")
-        shard = share_out(rest, shards)[number - 1]
+        marked, shard = _rest_files(config)
+        if stray := {_file(test) for test, tier in tier_of.items() if tier is Tier.REST} - marked:
+            raise pytest.UsageError(f"`mark.slow` or `mark.smoke` has to stand in the file itself: {sorted(stray)}")
         kept = [
             test for test, tier in tier_of.items() if tier in tiers and (tier is not Tier.REST or _file(test) in shard)
         ]

@@ -1,10 +1,12 @@
 """RouterOS-api 0.21 against the emulated router."""
 
+import pytest
 from conversation import Conversation
 from intent import CALLS, PINGS, RULES
 from stand import Stand
 
 
+@pytest.mark.slow
 class TestRouterosApi(Conversation):
     client = "routeros_api_client.py"
 

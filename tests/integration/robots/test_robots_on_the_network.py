@@ -13,6 +13,7 @@ import pytest
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.namespace,
     pytest.mark.skipif(os.geteuid() != 0, reason="making a network namespace needs root"),
 ]
@@ -32,6 +33,7 @@ def alone(script: str, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.smoke
 def test_six_mock_robots_are_discovered_as_declared() -> None:
     script = '"$1" robot mock for=25s >"$2" 2>&1 & "$1" robot discover site=coastal for=12s address=127.0.0.1 --json'
     done = alone(script, str(PROVISION), "/dev/null")
@@ -74,6 +76,7 @@ def test_checklist_detects_robots_in_the_lan_of_its_site(tmp_path: Path) -> None
     assert "token" not in done.stdout.lower()
 
 
+@pytest.mark.smoke
 def test_empty_network_is_not_green() -> None:
     done = alone('"$1" robot discover site=coastal for=5s address=127.0.0.1', str(PROVISION))
     assert done.returncode == 6, done.stderr

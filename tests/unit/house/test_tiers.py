@@ -12,8 +12,8 @@ pytest_plugins = ["pytester"]
 
 ROOT = Path(__file__).parents[3]
 CONFTEST = ROOT / "tests" / "conftest.py"
-TEST_CPU_S = 1_000
-"""What `make test` may cost: ten minutes on two cores, with a sixth left for collection and for other load."""
+TEST_CPU_S = 500
+"""What `make test` may cost: ten minutes on two cores of half the speed, a sixth left for collection and load."""
 SUITE = """
 import pytest
 def test_quick(): pass
@@ -26,6 +26,9 @@ def test_smoke(): pass
 @pytest.mark.smoke("one", "two")
 @pytest.mark.parametrize("case", ["one", "two", "three"])
 def test_cases(case): pass
+@pytest.mark.smoke("one")
+@pytest.mark.parametrize("case", ["one", "two"])
+def test_many(case): pass
 @pytest.mark.slow
 @pytest.mark.campaign
 def test_campaign(): pass
@@ -73,8 +76,8 @@ def test_each_test_runs_in_one_tier_and_one_shard(pytester: pytest.Pytester, mon
     tiers = {tier: run("--tier", tier) for tier in ("test", "rest", "campaign", "arm64")}
     names = {tier: {name.partition("::")[2] for name in tests} for tier, tests in tiers.items()}
     assert names == {
-        "test": {"test_quick", "test_smoke", "test_cases[one]", "test_cases[two]"},
-        "rest": {"test_slow", "test_cases[three]"},
+        "test": {"test_quick", "test_smoke", "test_cases[one]", "test_cases[two]", "test_many[one]"},
+        "rest": {"test_slow", "test_cases[three]", "test_many[two]"},
         "campaign": {"test_campaign"},
         "arm64": {"test_arm64[1]"},
     }

@@ -33,6 +33,7 @@ CUT = """[...document.querySelectorAll('body *')].filter(one => one.scrollWidth 
   && getComputedStyle(one).overflowX === 'hidden' && !one.closest('.hidden, .word, svg')).map(one => one.outerHTML)"""
 
 
+@pytest.mark.slow
 def test_every_page_is_readable_on_a_phone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One test, for workers that share tests would each start a browser."""
     with chromium(tmp_path / "profile") as browser:

@@ -15,6 +15,8 @@ from atlantis_netcfg.checklist.report._pdf import pdf
 from atlantis_netcfg.checklist.report._pdf._sheet import printable
 from atlantis_netcfg.checklist.report._texts import strip_code
 
+pytestmark = pytest.mark.slow
+
 
 def read(document: Document, files: Mapping[str, bytes]) -> list[str]:
     """Its pages, without blanks."""
@@ -41,6 +43,7 @@ def holds(document: Document, files: Mapping[str, bytes]) -> list[str]:
     return bodies
 
 
+@pytest.mark.smoke("example")
 @pytest.mark.parametrize("document", [made.example(), made.green(), made.empty()], ids=["example", "green", "empty"])
 def test_example_documents_are_complete(document: Document) -> None:
     holds(document, made.files())
@@ -51,6 +54,7 @@ def example() -> list[str]:
     return read(made.example(), made.files())
 
 
+@pytest.mark.smoke
 def test_essentials_are_on_the_first_page(example: list[str]) -> None:
     first = example[0]
     for words in (
@@ -98,6 +102,7 @@ def test_photo_is_embedded() -> None:
     assert with_photo.count(b"/Subtype /Image") > without.count(b"/Subtype /Image")
 
 
+@pytest.mark.smoke
 def test_hostile_text_is_printed_literally() -> None:
     document = hostile(SHORT)
     words = "".join(read(document, {}))

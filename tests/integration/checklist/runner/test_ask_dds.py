@@ -19,7 +19,7 @@ from atlantis_netcfg.inventory import load
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
-pytestmark = pytest.mark.namespace
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 SHIPPED = load(Path(__file__).parents[4] / "inventory")
 PEER = Path(__file__).parents[2] / "computers" / "dds" / "programs" / "python_peer.py"
 CYCLONE = (sys.executable, str(PEER))
@@ -161,6 +161,7 @@ def squatter(namespace: str) -> Iterator[None]:
             process.kill()
 
 
+@pytest.mark.smoke("two")
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_participants_are_seen_by_their_ports(case: Case, tmp_path: Path) -> None:
     view = next(iter(profile_views(SHIPPED, SHIPPED.hosts[GATEWAY], "pypi")))
@@ -192,6 +193,7 @@ def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
     return (str(built),)
 
 
+@pytest.mark.smoke("with its profile")
 @pytest.mark.parametrize(
     ("profile", "finding"),
     [

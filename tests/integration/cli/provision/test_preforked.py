@@ -22,6 +22,7 @@ LINES = (
 )
 
 
+@pytest.mark.smoke("help-version", "plan-site=costal")
 @pytest.mark.parametrize("words", LINES, ids="-".join)
 def test_output_and_exit_code_equal_those_of_the_program(words: tuple[str, ...], tmp_path: Path) -> None:
     environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
@@ -95,6 +96,7 @@ ANSIBLE_LINES = (
 )
 
 
+@pytest.mark.smoke("ansible-playbook-words0")
 @pytest.mark.parametrize(("name", "words"), ANSIBLE_LINES)
 def test_ansible_output_and_exit_code_equal_those_of_the_program(
     name: str, words: tuple[str, ...], tmp_path: Path
@@ -134,6 +136,7 @@ def test_shell_client_passes_its_open_file_descriptors(tmp_path: Path) -> None:
     assert [*(tmp_path / "here").rglob("ca.crt")] != []
 
 
+@pytest.mark.smoke("6")
 @pytest.mark.parametrize("code", [0, 6, -9])
 def test_client_exits_with_the_code_of_the_child(code: int) -> None:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

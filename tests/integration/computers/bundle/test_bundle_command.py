@@ -29,6 +29,8 @@ from atlantis_netcfg.inventory.model import Gateway, ImageLayout
 from atlantis_netcfg.operations.bundle import from_image, host_requirements
 from atlantis_netcfg.operations.common.request import Request
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[4]
 SUITES = ("focal", "focal-updates", "focal-security")
 
@@ -124,6 +126,7 @@ def words_for(mirror: str, folder: Path) -> list[str]:
     return [f"status={folder / 'status'}", f"mirror={mirror}", f"keyring={folder / 'archive.gpg'}"]
 
 
+@pytest.mark.smoke
 def test_bundle_is_made_checked_and_accepted_on_another_computer(
     mirror: str, tmp_path: Path, provision: Callable[..., Said]
 ) -> None:
@@ -195,6 +198,7 @@ def test_example_values_are_refused(tmp_path: Path, provision: Callable[..., Sai
     assert done.stderr.startswith("error: the inventory still contains example values")
 
 
+@pytest.mark.smoke
 def test_package_status_of_the_board_is_read_over_ssh(
     mirror: str, tmp_path: Path, provision: Callable[..., Said], monkeypatch: pytest.MonkeyPatch
 ) -> None:

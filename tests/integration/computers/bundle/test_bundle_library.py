@@ -21,6 +21,8 @@ from atlantis_netcfg.emulator.lab.stubs.interop import (
     serve_git,
 )
 
+pytestmark = pytest.mark.slow
+
 TOKEN = "glpat-not-to-be-seen"
 
 
@@ -71,6 +73,7 @@ def fetched(laptop: Laptop, sources: Path, wanted: Library) -> tuple[str, Path]:
     return git.fetch(None), folder
 
 
+@pytest.mark.smoke("tag")
 @pytest.mark.parametrize("by", ["tag", "commit"])
 def test_the_board_builds_from_the_bundle_without_any_server(
     laptop: Laptop, server: GitServer, projects: InteropProjects, by: str
@@ -91,6 +94,7 @@ def test_the_board_builds_from_the_bundle_without_any_server(
     assert len(server.requests) == asked
 
 
+@pytest.mark.smoke
 def test_the_token_is_in_no_file_of_the_bundle(laptop: Laptop, server: GitServer) -> None:
     bundle(laptop, library(server))
     assert any(line.startswith("with a token ") for line in server.requests)

@@ -16,6 +16,8 @@ from atlantis_netcfg.computers.bundle.open import bytes_to_carry, open_bundle
 from atlantis_netcfg.computers.bundle.requirements import BundleError, RequirementKey
 from atlantis_netcfg.emulator.lab.stubs import publish
 
+pytestmark = pytest.mark.slow
+
 PACKAGES = (
     arm64("ros-foxy-ros-base", "0.9.2-1focal", "ros-foxy-core (>= 0.9)", "libc6 (>= 2.31)"),
     arm64("ros-foxy-core", "1:0.9.2-1focal", padding_kb=200),
@@ -36,6 +38,7 @@ def refusal(laptop: Laptop, *wishes: object, **how: object) -> list[str]:
     return [str(each) for each in caught.value.errors or (caught.value,)]
 
 
+@pytest.mark.smoke
 def test_a_bundle_for_another_architecture_holds_what_the_board_lacks(laptop: Laptop) -> None:
     wish = laptop.wish(laptop.archive(PACKAGES), "ros-foxy-ros-base=0.9.2-1*", "chrony")
     manifest = laptop.make(wish, on=status(chrony="3.5"))
@@ -56,6 +59,7 @@ def test_a_bundle_for_another_architecture_holds_what_the_board_lacks(laptop: La
     assert [path.name for path in laptop.folder.iterdir() if path.name.startswith(".bundle")] == []
 
 
+@pytest.mark.smoke
 def test_its_repository_is_signed_by_the_key_of_the_manifest(laptop: Laptop) -> None:
     manifest = laptop.make(laptop.wish(laptop.archive(PACKAGES), "chrony"))
     repository = laptop.place / "hosts" / HOST / "repository"
@@ -178,6 +182,7 @@ def test_two_hosts_share_packages_and_each_sees_its_own(laptop: Laptop) -> None:
     assert bytes_to_carry(bundle, HOST) < bytes_to_carry(bundle, "second")
 
 
+@pytest.mark.smoke("None-None-NO_PUBKEY")
 @pytest.mark.parametrize(
     ("signed", "expires", "words"),
     [(datetime(2020, 1, 1, tzinfo=UTC), datetime(2021, 1, 1, tzinfo=UTC), "EXPKEYSIG"), (None, None, "NO_PUBKEY")],

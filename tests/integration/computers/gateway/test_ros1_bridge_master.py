@@ -133,6 +133,7 @@ def test_bridge_waits_for_the_master_and_sets_the_topics(ground: Ground, tmp_pat
     wait_until(lambda: not children(bridge), lambda: "the bridge goes with it")
 
 
+@pytest.mark.slow
 def test_bridge_exits_when_another_master_starts(ground: Ground, tmp_path: Path) -> None:
     first = ground.master()
     bridge = ground.start("sh", str(program(tmp_path)))

@@ -18,6 +18,8 @@ from atlantis_netcfg.computers.image.ext4 import Ext4
 from atlantis_netcfg.computers.image.plan import customise
 from atlantis_netcfg.inventory import load
 
+pytestmark = pytest.mark.slow
+
 SHIPPED = Path(__file__).parents[4] / "inventory"
 SERIAL = "20090516388200"
 SIZE = 200 * 2**20
@@ -78,6 +80,7 @@ def desk(
         yield Desk(card, shown, tmp_path / "state", words, capsys)
 
 
+@pytest.mark.smoke
 def test_card_is_written(desk: Desk) -> None:
     code, out, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 0, err
@@ -160,6 +163,7 @@ def test_missing_programs_are_reported_before_unpacking(desk: Desk, monkeypatch:
     assert desk.untouched
 
 
+@pytest.mark.smoke
 def test_disk_in_use_by_this_computer_is_refused(desk: Desk) -> None:
     desk.tree.mount(desk.card.number, "/home", "/dev/sdb")
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
@@ -190,6 +194,7 @@ class Keyboard(io.StringIO):
         return True
 
 
+@pytest.mark.smoke("serial")
 @pytest.mark.parametrize(
     ("typed", "code", "said"),
     [

@@ -16,6 +16,8 @@ from atlantis_netcfg.computers.image.ext4 import LAYOUTS, Ext4
 from atlantis_netcfg.computers.image.facts import Edit, ImageError, ImageFile, ImageRequest, Remove, StaticNetwork
 from atlantis_netcfg.computers.image.plan import customise
 
+pytestmark = pytest.mark.slow
+
 WISH = ImageRequest(
     host="coastal-gateway",
     site="coastal",
@@ -41,6 +43,7 @@ def cat(image: Path, path: str) -> str:
     return subprocess.run(asked, check=True, capture_output=True, text=True).stdout
 
 
+@pytest.mark.smoke
 def test_image_is_customised_for_the_host(image: Path) -> None:
     assert customise(image, N2, WISH) == ()
     assert cat(image, "/etc/hostname") == "coastal-gateway\n"
@@ -78,6 +81,7 @@ def test_customising_twice_changes_nothing(image: Path) -> None:
     assert all(once)
 
 
+@pytest.mark.smoke
 @pytest.mark.skipif(os.geteuid() != 0, reason="root becomes an ordinary user here; the others are one already")
 def test_unprivileged_user_can_customise_an_image(image: Path, tmp_path: Path) -> None:
     """As `nobody`, in a directory of its own; the modes and owners inside are root's nevertheless."""
@@ -167,6 +171,7 @@ def test_a_missing_program_is_named(image: Path, monkeypatch: pytest.MonkeyPatch
     assert caught.value.hint == "sudo apt install e2fsprogs"
 
 
+@pytest.mark.smoke("/root-/home/root")
 @pytest.mark.parametrize(
     ("path", "target"),
     [

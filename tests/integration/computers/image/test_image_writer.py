@@ -80,6 +80,7 @@ def test_blocks_outside_the_block_map_are_neither_written_nor_read(tmp_path: Pat
     assert written.compared < SIZE
 
 
+@pytest.mark.smoke("512", "1048576")
 @pytest.mark.parametrize("end", [1, 512, 4096, MIB - 512, MIB, MIB + 512])
 def test_images_of_any_size(end: int, tmp_path: Path, used: LoopCard) -> None:
     image = tmp_path / "small"
@@ -102,6 +103,7 @@ class Stopped:
             raise KeyboardInterrupt
 
 
+@pytest.mark.smoke("writing")
 @pytest.mark.parametrize("step", [WriterStep.CLEARING, WriterStep.WRITING, WriterStep.COMPARING])
 def test_interrupted_card_does_not_boot(step: WriterStep, tmp_path: Path, image: Path, used: LoopCard) -> None:
     card = shown(tmp_path, used)

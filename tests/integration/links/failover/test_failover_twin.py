@@ -14,6 +14,8 @@ from atlantis_netcfg.emulator.routeros.spec import DeviceMode, DeviceModeName
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model import Failover
 
+pytestmark = pytest.mark.slow
+
 VERSIONS = ("7.16", "7.18.2", "7.21.5")
 HOLD_DOWN_S, FAIL_BACK_S, PROBE_S = 20, 120, 30
 LATER_S = 11.0
@@ -39,6 +41,7 @@ def declared(**times: int) -> World:
     return made
 
 
+@pytest.mark.smoke("7.18.2-True")
 @pytest.mark.parametrize("home", [False, True])
 @pytest.mark.parametrize("version", VERSIONS)
 def test_traffic_fails_over_and_back_within_the_declared_times(version: str, home: bool) -> None:  # noqa: FBT001
@@ -63,6 +66,7 @@ def test_traffic_fails_over_and_back_within_the_declared_times(version: str, hom
     assert quay.errors() == []
 
 
+@pytest.mark.smoke
 def test_configuration_is_unchanged_after_fail_back() -> None:
     """Nothing is left behind: distances, the holding route, rows of netwatch."""
     quay = world()
@@ -185,6 +189,7 @@ def test_a_link_that_falls_silent_during_a_reboot_is_left() -> None:
     assert quay.order() == ["wifi-ptp", "4g"]
 
 
+@pytest.mark.smoke("4")
 @pytest.mark.parametrize("moment_s", [0, 4, 10, 18, 25, 60, 130])
 def test_reboot_at_any_moment_ends_in_the_declared_state(moment_s: int) -> None:
     """Half-done: held, not yet left; left, not yet proved. The router finds out anew and ends as declared."""
@@ -217,6 +222,7 @@ def test_failover_works_without_netwatch() -> None:
     assert quay.active() == "wifi-ptp"
 
 
+@pytest.mark.smoke
 def test_site_always_has_a_route() -> None:
     """All canaries silent, and the satellite unplugged: a link that was given up is still better than nothing."""
     quay = world()

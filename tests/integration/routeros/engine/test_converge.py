@@ -46,6 +46,7 @@ def test_first_configuration_converges_and_second_run_is_unchanged(tmp_path: Pat
     assert second.round_trips == idle + HANDSHAKE <= 5
 
 
+@pytest.mark.smoke("100")
 @pytest.mark.parametrize("number", [0, 100, 300])
 def test_round_trips_do_not_grow_with_the_number_of_items(tmp_path: Path, number: int) -> None:
     bench = Bench(tmp_path, text=TEXT + leases(number))
@@ -199,6 +200,7 @@ def test_a_backup_is_saved_and_nothing_is_changed(tmp_path: Path) -> None:
     assert without_header(saved.text()) == before == now
 
 
+@pytest.mark.smoke("trap")
 @pytest.mark.parametrize("execute", [Execute.TRAP, Execute.NONE])
 def test_devices_with_other_script_output_converge_too(tmp_path: Path, execute: Execute) -> None:
     bench = Bench(tmp_path, spec={"execute": execute})
@@ -207,6 +209,7 @@ def test_devices_with_other_script_output_converge_too(tmp_path: Path, execute: 
     assert idle <= 4
 
 
+@pytest.mark.smoke("output-0", "output-1")
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("execute", [Execute.OUTPUT, Execute.NONE])
 def test_the_order_in_which_sentences_run_is_no_matter(tmp_path: Path, seed: int, execute: Execute) -> None:

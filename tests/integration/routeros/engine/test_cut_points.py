@@ -12,6 +12,8 @@ from engine_bench import TEXT, Bench, leases, on
 from atlantis_netcfg.emulator.routeros import Deviation, Execute, FaultKind, LinkFault
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 
+pytestmark = pytest.mark.slow
+
 GAP_S = 70.0
 LONG = TEXT + leases(70)
 """More than one safe mode can remember."""
@@ -84,6 +86,13 @@ SAMPLE = [
 """Where it hurts, and how it ends unless the fault is only a gap; None where that depends on the fault."""
 
 
+@pytest.mark.smoke(
+    "drop-/login 1",
+    "vanish-/execute 3",
+    "truncate-/ip/address/print 2",
+    "garbage-/safe-mode/take 1",
+    "gap-/safe-mode/release 1",
+)
 @pytest.mark.parametrize(("path", "nth", "status"), SAMPLE, ids=[f"{path} {nth}" for path, nth, _ in SAMPLE])
 @pytest.mark.parametrize(
     "kind", [FaultKind.DROP, FaultKind.VANISH, FaultKind.TRUNCATE, FaultKind.GARBAGE, FaultKind.GAP]
@@ -98,6 +107,7 @@ def test_fault_at_a_critical_point_has_the_expected_status(
     assert result.status is (expected or result.status)
 
 
+@pytest.mark.smoke("/execute-before-power")
 @pytest.mark.parametrize("kind", [FaultKind.REBOOT, FaultKind.POWER, FaultKind.HANG])
 @pytest.mark.parametrize("when", ["before", "after"])
 @pytest.mark.parametrize("path", ["/execute", "/safe-mode/release"])
@@ -108,6 +118,7 @@ def test_router_silent_during_apply_ends_as_expected(tmp_path: Path, kind: Fault
     assert result.status is (Status.CHANGED if released else Status.ROLLED_BACK)
 
 
+@pytest.mark.smoke("drop-4")
 @pytest.mark.parametrize("nth", [3, 4, 5])
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.POWER])
 def test_long_plan_cut_between_its_parts_is_rolled_back_or_complete(tmp_path: Path, kind: FaultKind, nth: int) -> None:
@@ -115,6 +126,7 @@ def test_long_plan_cut_between_its_parts_is_rolled_back_or_complete(tmp_path: Pa
     assert cut(tmp_path, fault, LONG).status in (Status.ROLLED_BACK, Status.CHANGED)
 
 
+@pytest.mark.smoke("script-after")
 @pytest.mark.parametrize("when", ["before", "after"])
 @pytest.mark.parametrize(
     ("where", "plan"),

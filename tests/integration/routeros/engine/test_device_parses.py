@@ -72,6 +72,7 @@ def line_of(text: str, part: str) -> int:
     return next(number for number, line in enumerate(text.splitlines(), start=1) if part in line)
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("version", VERSIONS)
 def test_misspelt_argument_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str) -> None:
     with_argument(monkeypatch, "/ip/pool", "rangse")
@@ -84,6 +85,7 @@ def test_misspelt_argument_is_refused(tmp_path: Path, monkeypatch: pytest.Monkey
     assert f"{place}: {words}" in result.message
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("version", VERSIONS)
 def test_argument_newer_than_the_device_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str
@@ -97,6 +99,7 @@ def test_argument_newer_than_the_device_is_refused(
     assert name in result.message
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("version", VERSIONS)
 def test_menu_of_a_missing_package_is_refused(tmp_path: Path, version: str) -> None:
     """The reading has found that out already."""
@@ -105,6 +108,7 @@ def test_menu_of_a_missing_package_is_refused(tmp_path: Path, version: str) -> N
     assert f"this device (RouterOS {version}) does not have /interface wireless security-profiles" in result.message
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("version", VERSIONS)
 def test_value_outside_a_closed_list_is_refused(tmp_path: Path, version: str) -> None:
     text = TEXT.replace(
@@ -126,6 +130,7 @@ def test_all_errors_are_reported_together(tmp_path: Path, monkeypatch: pytest.Mo
     assert "not maskerade" in result.message
 
 
+@pytest.mark.smoke("many-apply")
 @pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
 @pytest.mark.parametrize("more", [0, 150], ids=["few", "many"])
 def test_parsing_a_valid_plan_costs_no_extra_round_trip(

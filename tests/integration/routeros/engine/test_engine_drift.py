@@ -50,6 +50,7 @@ DOORS = {
 }
 
 
+@pytest.mark.smoke("/snmp")
 @pytest.mark.parametrize("menu", DOORS)
 def test_weakened_setting_is_drift_and_the_next_run_restores_it(tmp_path: Path, menu: str) -> None:
     opened, declared = DOORS[menu]
@@ -79,6 +80,7 @@ def test_newly_declared_row_is_not_attributed_to_the_device(tmp_path: Path) -> N
     assert [(one.kind, one.since) for one in result.comparison.differences] == [(DriftKind.MISSING, Since.ALREADY)]
 
 
+@pytest.mark.smoke("drop-2", "reboot-20")
 @pytest.mark.parametrize("nth", [1, 2, 20, 40])
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.REBOOT])
 def test_interrupted_reading_is_an_error_and_no_drift(tmp_path: Path, kind: FaultKind, nth: int) -> None:

@@ -9,6 +9,8 @@ from test_sites import bench
 
 from atlantis_netcfg.routeros import JobMode, Status
 
+pytestmark = pytest.mark.slow
+
 PTP = ("198.51.100.11", "198.51.100.12")
 LTE = ("198.51.100.21", "198.51.100.22")
 
@@ -42,6 +44,7 @@ def test_run_does_not_change_a_failed_over_router(tmp_path: Path, version: str) 
     on(bench(tmp_path, "coastal-router", version=version), act)
 
 
+@pytest.mark.smoke
 def test_change_during_failover_is_applied_and_failover_remains(tmp_path: Path) -> None:
     """A router is reconfigured while its link is left: the run reads back, and the link stays left."""
 

@@ -14,6 +14,8 @@ from atlantis_netcfg.routeros.commands import script_command
 from atlantis_netcfg.routeros.estimate import LinkMetrics
 from bench.proxy import Count, Proxy, Shape
 
+pytestmark = pytest.mark.slow
+
 OURS = "# atlantis:entire /ip firewall address-list\n" + TEXT
 LISTS = "/ip/firewall/address-list"
 SATELLITE = LinkMetrics("satellite", 0.7, 352_000, 704_000, is_metered=True)
@@ -42,6 +44,7 @@ def test_hundred_foreign_rows_are_removed_without_consent(tmp_path: Path) -> Non
     assert result.foreign_words == ""
 
 
+@pytest.mark.smoke
 def test_more_than_a_hundred_foreign_rows_need_consent(tmp_path: Path) -> None:
     words = "removes 101 rows that do not carry our mark: 101 from /ip firewall address-list"
 
@@ -72,6 +75,7 @@ def test_more_than_a_hundred_foreign_rows_need_consent(tmp_path: Path) -> None:
     assert (again.status, again.rows, again.foreign_words) == (Status.UNCHANGED, 0, "")
 
 
+@pytest.mark.smoke
 def test_our_own_rows_are_not_foreign(tmp_path: Path) -> None:
     """A declaration that shrinks by two hundred rows of its own needs no other word than the plan."""
     rows = "".join(f'add address=198.18.0.{each} comment="atlantis: b" list=sat-allow\n' for each in range(1, 201))

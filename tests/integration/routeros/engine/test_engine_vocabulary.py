@@ -60,6 +60,7 @@ SCENES: dict[str, tuple[Callable[[Bench], Coroutine[Any, Any, None]], dict[str, 
 """What makes the engine say everything that it can; who adds a way to speak adds a scene."""
 
 
+@pytest.mark.smoke("changes-7.18.2", "refusal-7.16", "much-7.18.2", "no-scripts-7.18.2", "no-console-7.16")
 @pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
 @pytest.mark.parametrize("scene", SCENES)
 def test_commands_of_the_engine_exist_in_the_command_tree(scene: str, version: str, tmp_path: Path) -> None:

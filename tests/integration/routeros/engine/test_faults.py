@@ -16,6 +16,8 @@ from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status, co
 from atlantis_netcfg.routeros.apply import _change, _settle
 from atlantis_netcfg.runs import ActionAcknowledgement, Journal, JournalError, Record
 
+pytestmark = pytest.mark.slow
+
 MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
 LIST = "/ip firewall address-list\n" + "".join(
     f'add address=198.51.100.{each} comment="atlantis: x" list=other\n' for each in range(1, 100)
@@ -38,6 +40,7 @@ def console(bench: Bench, *sentences: list[str]) -> Any:  # noqa: ANN401 - a cor
     return act
 
 
+@pytest.mark.smoke("trap")
 @pytest.mark.parametrize("execute", list(Execute))
 def test_refused_line_is_rolled_back(tmp_path: Path, execute: Execute) -> None:
     bench = Bench(tmp_path, text=TEXT + LAST, spec={"execute": execute})
@@ -79,6 +82,7 @@ _TAKEN = ("=mac-address=02:00:00:01:00:30", "=address=10.64.9.9", "=server=lan")
 """A lease that another admin adds just before ours with the same card."""
 
 
+@pytest.mark.smoke
 def test_cut_access_despite_the_guard_is_rolled_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("atlantis_netcfg.routeros.guard.objections", lambda *_: ())
     result, before, now = on(Bench(tmp_path, text=TEXT.replace(MANAGEMENT, "")), tried)
@@ -143,6 +147,7 @@ def test_safe_mode_unrolled_by_another_admin(tmp_path: Path, nth: int) -> None:
     assert (now != before) == (result.status is Status.CHANGED)
 
 
+@pytest.mark.smoke("3-/safe-mode/release")
 @pytest.mark.parametrize("end", ["/safe-mode/release", "/safe-mode/unroll"])
 @pytest.mark.parametrize("nth", [3, 4])
 def test_another_admin_takes_safe_mode_from_us(tmp_path: Path, nth: int, end: str) -> None:
@@ -197,6 +202,7 @@ def test_exhausted_history_before_a_refused_line_is_undone_by_us(tmp_path: Path)
     assert now == before
 
 
+@pytest.mark.smoke
 def test_router_that_never_returns_has_an_unknown_outcome(tmp_path: Path) -> None:
     bench = Bench(tmp_path, knobs=WireBehaviour(boot_s=100_000))
 
@@ -212,6 +218,7 @@ def test_router_that_never_returns_has_an_unknown_outcome(tmp_path: Path) -> Non
     assert run.unsettled_devices == ("router",)
 
 
+@pytest.mark.smoke
 def test_resume_waits_until_the_router_has_rolled_back(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
@@ -330,6 +337,7 @@ class LostFolder(Journal):
         super().write(record)
 
 
+@pytest.mark.smoke("full disk-0", "full disk-1")
 @pytest.mark.parametrize("records", range(13))
 @pytest.mark.parametrize(
     ("broken", "words"),
@@ -362,6 +370,7 @@ def test_journal_failure_at_any_record_ends_safely(
         assert not list(tmp_path.rglob("*.rsc")) or records >= 12
 
 
+@pytest.mark.smoke("planned")
 @pytest.mark.parametrize("stage", [Stage.CONNECTING, Stage.PLANNED, Stage.PROTECTED, Stage.APPLYING, Stage.VERIFYING])
 def test_stop_by_hand_leaves_the_device_as_before(tmp_path: Path, stage: Stage) -> None:
     bench = Bench(tmp_path)

@@ -17,6 +17,8 @@ from waiting import wait_until
 from atlantis_netcfg.emulator.routeros import EmulatorSpec, RouterSpec, RunningSite, SiteSpec, User
 from atlantis_netcfg.runs import Run, Store
 
+pytestmark = pytest.mark.slow
+
 CHILD = Path(__file__).with_name("child_run.py")
 RECORDS = 14
 """What a run of one piece writes after its start, and some more."""
@@ -101,12 +103,14 @@ def kill_and_resume(folder: Path, record: int, moment: str, text: str = TEXT) ->
     return True
 
 
+@pytest.mark.smoke("1", "7", "13")
 @pytest.mark.parametrize("record", range(1, RECORDS))
 def test_killed_at_each_record(tmp_path: Path, record: int) -> None:
     went_on = kill_and_resume(tmp_path, record, "after")
     assert went_on == (record <= 12)
 
 
+@pytest.mark.smoke("before")
 @pytest.mark.parametrize("moment", ["before", "torn"])
 def test_killed_while_a_script_is_acknowledged(tmp_path: Path, moment: str) -> None:
     assert kill_and_resume(tmp_path, 6, moment)
@@ -162,6 +166,7 @@ def test_killed_before_a_job_is_armed(tmp_path: Path) -> None:
     assert kill_below_safe_mode(tmp_path, 3, console=False)
 
 
+@pytest.mark.smoke("0")
 @pytest.mark.parametrize("share", [0, 0.05, 0.5, 0.8, 0.9, 0.97])
 def test_full_disk_leaves_an_intact_journal(tmp_path: Path, share: float) -> None:
     """The file system takes so much of what a whole run writes."""

@@ -25,6 +25,8 @@ from atlantis_netcfg.routeros.guard import MENUS, WAY_BACK
 from atlantis_netcfg.routeros.link_use import TICK_S, LinkUse, end_use, start_use
 from atlantis_netcfg.routeros.observe import seconds
 
+pytestmark = pytest.mark.slow
+
 FOR_S = 600
 RUNNING_S = 200
 """How long the router has run when a use begins."""
@@ -91,6 +93,7 @@ async def started(bench: Bench) -> str:
     return exported(bench)
 
 
+@pytest.mark.smoke("4g-7.18.2")
 @pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
 @pytest.mark.parametrize("link", ["4g", "satellite"])
 def test_link_use_ends_automatically(tmp_path: Path, version: str, link: str) -> None:
@@ -133,6 +136,7 @@ def test_used_link_that_fails_is_left_and_used_again(tmp_path: Path) -> None:
     on(router(tmp_path), act)
 
 
+@pytest.mark.smoke("1970-01-01 00:00:00-1")
 @pytest.mark.parametrize("moment_s", [1, 35, 300, 595])
 @pytest.mark.parametrize("clock", ["1970-01-01 00:00:00", "2031-05-05 05:05:05"])
 def test_restart_ends_the_link_use_whatever_the_clock(tmp_path: Path, moment_s: int, clock: str) -> None:
@@ -200,6 +204,7 @@ def test_use_without_its_job_is_drift_that_a_run_repairs(tmp_path: Path) -> None
     on(router(tmp_path), act)
 
 
+@pytest.mark.smoke
 def test_use_is_extended_shortened_moved_and_ended(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
@@ -252,6 +257,7 @@ def test_router_that_forbids_the_scheduler_refuses_the_use(tmp_path: Path) -> No
     on(router(tmp_path, device_mode=DeviceMode(mode=DeviceModeName.HOME)), act)
 
 
+@pytest.mark.smoke
 def test_link_that_does_not_carry_the_traffic_is_rolled_back(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         before = await started(bench)
@@ -307,6 +313,7 @@ ONE_ROUTE = '/system scheduler\n/ip route\nadd blackhole comment="atlantis: x" d
 """A text about routes and jobs alone, like those of a use."""
 
 
+@pytest.mark.smoke("apply")
 @pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
 def test_route_change_that_affects_our_session_is_checked_by_the_guard(tmp_path: Path, mode: JobMode) -> None:
     """Refused in the words of a run that has read all of it at first."""

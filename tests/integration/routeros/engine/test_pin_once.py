@@ -48,6 +48,7 @@ def tried(bench: Bench) -> bool:
     return TriedPin(bench.store.root, "coastal", "router").path.exists()
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("version", ["7.17.1", "7.18.2", "7.21.5"])
 def test_a_right_pin_is_sent_once_and_the_second_run_changes_nothing(tmp_path: Path, version: str) -> None:
     async def act(bench: Bench) -> None:
@@ -60,6 +61,7 @@ def test_a_right_pin_is_sent_once_and_the_second_run_changes_nothing(tmp_path: P
     on(bench(tmp_path, "73951846", version=version), act)
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("version", ["7.17.1", "7.18.2", "7.21.5"])
 def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path, version: str) -> None:
     async def act(bench: Bench) -> None:
@@ -83,6 +85,7 @@ def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path, version
     on(bench(tmp_path, "99887766", version=version), act)
 
 
+@pytest.mark.smoke("99887766-rolled-back-entered1-ether9")
 @pytest.mark.parametrize("name", ["starlink", "ether9"])
 @pytest.mark.parametrize(
     ("pin", "status", "entered"), [("73951846", "changed", (3, 1)), ("99887766", "rolled-back", (2, 1))]

@@ -12,6 +12,8 @@ from atlantis_netcfg.emulator.routeros import Execute, FaultKind, LinkFault
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.drift import DriftKind
 
+pytestmark = pytest.mark.slow
+
 USED = ("ether1", "ether3", "ether4", "ether5", "ether8")
 NAMED = "# atlantis:undeclared /interface ethernet disabled=yes\n/interface ethernet\n" + "".join(
     f'set [ find default-name={port} ] comment="atlantis: used" disabled=no name={port}\n' for port in USED
@@ -66,6 +68,7 @@ async def twice(bench: Bench) -> tuple[DeviceResult, str, DeviceResult]:
     return first, bench.export(), await bench.converge()
 
 
+@pytest.mark.smoke("LAN")
 @pytest.mark.parametrize("name", RENAMED)
 def test_renamed_port_gets_its_name_back_and_nothing_else_changes(tmp_path: Path, name: str) -> None:
     first, export, second = on(Bench(tmp_path, text=DECLARED, spec={"seed": AFTER_ALL[name]}), twice)
@@ -83,6 +86,7 @@ def test_site_with_swapped_ports_is_corrected(tmp_path: Path, name: str) -> None
     assert second.status is Status.UNCHANGED
 
 
+@pytest.mark.smoke("management and LAN")
 @pytest.mark.parametrize("name", LOCKS_OUT)
 def test_swapped_management_port_is_refused_with_a_working_hint(tmp_path: Path, name: str) -> None:
     """The cable of management is in the socket that has its name; declared so, everything stays where it is plugged."""
@@ -120,6 +124,7 @@ CUT = {
 }
 
 
+@pytest.mark.smoke("swap after-/execute-3-before-drop")
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.POWER])
 @pytest.mark.parametrize("when", ["before", "after"])
 @pytest.mark.parametrize(("path", "nth"), [("/execute", 3), ("/login", 2), ("/safe-mode/release", 1)])
@@ -131,6 +136,7 @@ def test_interrupted_renaming_leaves_all_names_old_or_new(  # noqa: PLR0913, PLR
     assert cut(tmp_path, fault, DECLARED, seed=CUT[seed]).status is not Status.LEFT_AS_FOUND
 
 
+@pytest.mark.smoke("circle after-1-7.16")
 @pytest.mark.parametrize("version", ["7.18.2", "7.16"])
 @pytest.mark.parametrize("nth", [1, 2, 3, 4])
 @pytest.mark.parametrize("seed", ["circle after", "swap before"])
@@ -141,6 +147,7 @@ def test_interrupted_renaming_without_scripts_is_rolled_back(tmp_path: Path, see
     assert result.status is Status.ROLLED_BACK
 
 
+@pytest.mark.smoke
 def test_dead_man_job_returns_every_row_to_its_port(tmp_path: Path) -> None:
     """By then names are as declared; the job gives them back first, and finds rows by those."""
     fault = LinkFault(do=FaultKind.DROP, match="/interface/list/member/add", sentence=1, when="after")

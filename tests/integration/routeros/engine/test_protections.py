@@ -14,6 +14,8 @@ from atlantis_netcfg.emulator.routeros import DeviceModeName as TwinMode
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status
 from atlantis_netcfg.runs import ProtectionRecord
 
+pytestmark = pytest.mark.slow
+
 HOME = DeviceMode(mode=TwinMode.HOME)
 LAST = '/tool mac-server ping\nset enabled=no\n/ip ssh\nset host-key-type="ed25519 of another kind"\n'
 """A value that the router refuses, in the last layer."""
@@ -56,10 +58,12 @@ NO_SSH = (
 )
 
 
+@pytest.mark.smoke
 def test_safe_mode_of_the_api_session(tmp_path: Path) -> None:
     converged(Bench(tmp_path), "safe-mode", "safe mode of the API session", ssh=True)
 
 
+@pytest.mark.smoke("7.16")
 @pytest.mark.parametrize("version", ["7.16", "7.17.1", "6.49.19"])
 def test_safe_mode_of_a_console_and_a_job(tmp_path: Path, version: str) -> None:
     words = "safe mode of an SSH session and a dead-man job, 22 min"
@@ -83,6 +87,7 @@ def test_safe_mode_of_a_console_alone_in_device_mode_home(tmp_path: Path) -> Non
     converged(bench, CONSOLE, words, ssh=True)
 
 
+@pytest.mark.smoke("7.12.2")
 @pytest.mark.parametrize("version", ["7.9", "7.12.2", "7.16", "7.17.1", "6.49.19"])
 def test_dead_man_job_alone(tmp_path: Path, version: str) -> None:
     bench = Bench(tmp_path, spec={"version": version})
@@ -94,6 +99,7 @@ def test_a_plan_of_several_pieces(tmp_path: Path) -> None:
     converged(bench, CONSOLE, "safe mode of an SSH session and a dead-man job, 22 min", ssh=True)
 
 
+@pytest.mark.smoke
 def test_unpinned_host_key_is_refused(tmp_path: Path) -> None:
     bench = Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME})
 
@@ -105,6 +111,7 @@ def test_unpinned_host_key_is_refused(tmp_path: Path) -> None:
     assert "and the SSH host key is not pinned" in result.message
 
 
+@pytest.mark.smoke
 def test_changed_host_key_changes_nothing(tmp_path: Path) -> None:
     """No password is sent to it, and nothing is changed."""
     bench = Bench(tmp_path, spec={"version": "7.16"})
@@ -133,6 +140,7 @@ async def tried(bench: Bench, **changes: Any) -> tuple[DeviceResult, bool, tuple
     return result, same, left, resumed
 
 
+@pytest.mark.smoke("7.16-job")
 @pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
 @pytest.mark.parametrize("version", ["7.16", "6.49.19"])
 def test_refused_line_is_rolled_back(tmp_path: Path, version: str, ssh: bool) -> None:  # noqa: FBT001
@@ -158,6 +166,7 @@ def test_blocked_new_sessions_are_rolled_back(tmp_path: Path, monkeypatch: pytes
     assert (result.status, same, left) == (Status.ROLLED_BACK, True, (0, False)), result.message
 
 
+@pytest.mark.smoke("/execute-3-console-drop")
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.VANISH, FaultKind.REBOOT])
 @pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
 @pytest.mark.parametrize(("path", "nth"), [("/execute", 3), ("/ip/address/print", 3), ("/system/scheduler/remove", 1)])
@@ -213,6 +222,7 @@ async def die_armed(bench: Bench) -> DeviceResult:
     return dead
 
 
+@pytest.mark.smoke
 def test_remaining_dead_man_job_rolls_the_router_back(tmp_path: Path) -> None:
     """The router is not as declared: it returns by itself, and a later run is told before that."""
     bench = Bench(tmp_path, spec={"version": "7.16"})

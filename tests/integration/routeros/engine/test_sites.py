@@ -14,6 +14,8 @@ from atlantis_netcfg.operations.common.session_link import site_link_of
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.render import router
 
+pytestmark = pytest.mark.slow
+
 RTT_S = 0.7
 ROUTERS = ("coastal-router", "scc-router", "te4sea-router")
 NEWER = " configuration.installation=outdoor"
@@ -44,6 +46,7 @@ async def twice(bench: Bench) -> list[DeviceResult]:
     return [await bench.converge(), await bench.converge()]
 
 
+@pytest.mark.smoke("coastal-router-300")
 @pytest.mark.parametrize("number", [0, 300])
 @pytest.mark.parametrize("name", ROUTERS)
 def test_a_declared_router_converges_twice_at_the_promised_cost(tmp_path: Path, name: str, number: int) -> None:
@@ -81,6 +84,7 @@ def test_estimate_matches_the_actual_cost(tmp_path: Path, name: str) -> None:
         assert result.estimate.bytes == pytest.approx(result.sent_bytes + result.received_bytes, rel=0.25)
 
 
+@pytest.mark.smoke
 def test_failed_run_restores_the_former_configuration(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
         before = bench.export()
@@ -108,6 +112,7 @@ def test_declared_router_cut_between_its_parts_can_be_resumed(tmp_path: Path, ki
     assert resumed.exit == 0
 
 
+@pytest.mark.smoke
 def test_results_and_files_contain_no_secret(tmp_path: Path) -> None:
     async def act(bench: Bench) -> Any:  # noqa: ANN401 - a result
         return await bench.converge()
@@ -121,6 +126,7 @@ def test_results_and_files_contain_no_secret(tmp_path: Path) -> None:
         assert secret.encode() not in kept
 
 
+@pytest.mark.smoke("coastal-router-7.16-job")
 @pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
 @pytest.mark.parametrize("version", ["7.16", "7.17.1"])
 @pytest.mark.parametrize("name", ROUTERS)

@@ -16,6 +16,8 @@ from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge, de
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session
 from atlantis_netcfg.routeros.apply import Channel
 
+pytestmark = pytest.mark.slow
+
 OTHER = TEXT.replace("name=coastal-router", "name=other-router").replace(
     'comment="atlantis: lan" in-interface=bridge-lan protocol=icmp', 'comment="atlantis: lan" in-interface=bridge-lan'
 )
@@ -171,6 +173,7 @@ def meetings(  # noqa: PLR0913 - who meets, when and how
     return found
 
 
+@pytest.mark.smoke("same-at the same time")
 @pytest.mark.parametrize("at_once", [True, False], ids=["one after the other", "at the same time"])
 @pytest.mark.parametrize("second", [TEXT, OTHER], ids=["same", "other"])
 def test_second_run_at_every_sentence(tmp_path: Path, second: str, at_once: bool) -> None:  # noqa: FBT001
@@ -189,6 +192,7 @@ def test_second_run_while_safe_mode_is_not_held(tmp_path: Path, first: str, at_o
     assert found
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("version", ["7.18.2", "7.16"])
 def test_runs_with_the_same_id_behind_one_address(tmp_path: Path, version: str) -> None:
     """Both began in the same second, and a tunnel or a NAT gives both the same address."""

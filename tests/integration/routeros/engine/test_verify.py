@@ -23,6 +23,8 @@ from atlantis_netcfg.routeros.verify import (
     try_out,
 )
 
+pytestmark = pytest.mark.slow
+
 READING = {each.id for each in ASSUMPTIONS if each.proof == READS}
 MODEM = ModemSpec()
 SEED = "/tool netwatch add host=192.0.2.1 type=icmp\n"
@@ -62,6 +64,7 @@ def passed(seen: SeenAnswers) -> set[str]:
     return {finding.id for finding in seen.findings if finding.verdict is Verdict.PASS}
 
 
+@pytest.mark.smoke("7.20.8")
 @pytest.mark.parametrize("version", ["7.18.2", "7.20.8", "7.21.5"])
 def test_all_assumptions_hold(tmp_path: Path, version: str) -> None:
     seen = on(bench(tmp_path, version=version), trying)
@@ -95,6 +98,7 @@ OFF_BY_READING: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.smoke("tls-version")
 @pytest.mark.parametrize("name", OFF_BY_READING)
 def test_violated_assumption_is_detected_by_reading(tmp_path: Path, name: str) -> None:
     seen = on(bench(tmp_path, **OFF_BY_READING[name]), reading)
@@ -114,6 +118,7 @@ OFF_BY_TRYING: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.smoke("api-tagged-order")
 @pytest.mark.parametrize("name", OFF_BY_TRYING)
 def test_violated_assumption_is_detected_by_trying(tmp_path: Path, name: str) -> None:
     seen = on(bench(tmp_path, **OFF_BY_TRYING[name]), trying)
@@ -164,6 +169,7 @@ def test_scratch_rows_of_an_earlier_try_are_reported_with_a_command(tmp_path: Pa
     on(bench(tmp_path), act)
 
 
+@pytest.mark.smoke
 def test_unpinned_device_is_refused(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         with pytest.raises(DeviceError, match="certificate"):

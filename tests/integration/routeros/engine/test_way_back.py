@@ -14,6 +14,8 @@ from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import plan
 
+pytestmark = pytest.mark.slow
+
 FORWARD = 'add action=drop chain=forward comment="atlantis: costs'
 RULES = "".join(
     f'add action=accept chain=input comment="atlantis: rule {each}" dst-port={each} protocol=tcp\n'
@@ -62,6 +64,7 @@ async def every_part(bench: Bench, text: str, step: int) -> int:
     return size
 
 
+@pytest.mark.smoke("everything-7.16")
 @pytest.mark.parametrize("version", ["7.9", "7.16"])
 @pytest.mark.parametrize(
     ("first", "second"),
@@ -80,6 +83,7 @@ def test_rollback_works_after_any_part_of_a_plan(tmp_path: Path, first: str, sec
     assert on(bench, act) >= 1
 
 
+@pytest.mark.smoke
 def test_rollback_script_that_would_contain_a_password_is_refused(tmp_path: Path) -> None:
     """Anybody who may read the configuration could read it there."""
     client = '/interface ovpn-client\nadd comment="atlantis: vpn" connect-to=192.0.2.10 name=vpn password={} user=r\n'

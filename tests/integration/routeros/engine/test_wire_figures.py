@@ -53,6 +53,7 @@ def figures(shape: Shape = PLAIN) -> dict[Scenario, wire.WireFigure]:
         return run(wire.measured(Path(folder), shape))
 
 
+@pytest.mark.smoke("first", "no-op")
 @pytest.mark.parametrize("scenario", Scenario)
 def test_round_trips_and_bytes_meet_the_goals(scenario: Scenario) -> None:
     figure = figures()[scenario]
@@ -62,6 +63,7 @@ def test_round_trips_and_bytes_meet_the_goals(scenario: Scenario) -> None:
     assert figure.count.bytes <= size
 
 
+@pytest.mark.smoke("no-op")
 @pytest.mark.parametrize("scenario", Scenario)
 def test_run_takes_only_the_time_of_its_round_trips(scenario: Scenario) -> None:
     """In this clock nobody needs time for anything but the link."""
@@ -69,6 +71,7 @@ def test_run_takes_only_the_time_of_its_round_trips(scenario: Scenario) -> None:
     assert figure.wall_s == pytest.approx(figure.count.round_trips * RTT_S, abs=0.01)
 
 
+@pytest.mark.smoke("first")
 @pytest.mark.parametrize("scenario", Scenario)
 def test_reported_traffic_matches_the_wire(scenario: Scenario) -> None:
     compare(figures()[scenario].result, figures()[scenario].count)
@@ -120,6 +123,7 @@ def test_session_lost_in_its_login_and_repeated_is_counted_twice(tmp_path: Path)
     on(Bench(tmp_path), act)
 
 
+@pytest.mark.smoke("another one")
 @pytest.mark.parametrize("password", [PASSWORD, "another one"])
 def test_console_session_that_holds_safe_mode_is_counted(tmp_path: Path, password: str) -> None:
     """Before RouterOS 7.18 there is none on the API; also where it does not let us in."""
@@ -177,6 +181,7 @@ def test_links_command_counts_failed_sessions(tmp_path: Path) -> None:
     on(Bench(tmp_path), act)
 
 
+@pytest.mark.smoke("first")
 @pytest.mark.parametrize("scenario", Scenario)
 def test_estimate_matches_the_wire(scenario: Scenario) -> None:
     figure = figures()[scenario]
@@ -185,6 +190,7 @@ def test_estimate_matches_the_wire(scenario: Scenario) -> None:
     assert figure.result.estimate.bytes == pytest.approx(figure.count.bytes, rel=0.15)
 
 
+@pytest.mark.smoke("first")
 @pytest.mark.parametrize("scenario", [Scenario.FIRST, Scenario.FIREWALL])
 def test_parser_check_stays_within_its_byte_limit(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     """No round trip, and at most 1.3 times the bytes of the scripts, in both directions together."""

@@ -12,6 +12,8 @@ from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 from bench.proxy import Proxy, Shape
 
+pytestmark = pytest.mark.slow
+
 CHANGES = {
     "name": Words(ssid="new name"),
     "key": Words(key="a new key for both ends"),
@@ -30,6 +32,7 @@ SIDES = [
 """The technician stands at the access point, or at the station."""
 
 
+@pytest.mark.smoke("legacy-bridge-all", "wifi-bridge-key")
 @pytest.mark.parametrize(("family", "near_mode", "change"), SIDES)
 def test_change_converges_on_both_ends(tmp_path: Path, family: str, near_mode: str, change: str) -> None:
     words = CHANGES[change]
@@ -52,6 +55,7 @@ def test_change_converges_on_both_ends(tmp_path: Path, family: str, near_mode: s
     assert all(words.key not in state.text() for state in kept.values() if words.key)
 
 
+@pytest.mark.smoke
 def test_progress_of_a_finished_end_is_complete(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> list[tuple[str, int, int]]:
         await bench.converge(CHANGES["name"])

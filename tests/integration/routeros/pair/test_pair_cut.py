@@ -13,6 +13,8 @@ from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 from atlantis_netcfg.emulator.routeros import Deviation, FaultKind, LinkFault
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 
+pytestmark = pytest.mark.slow
+
 NEW = Words(ssid="new name", key="a new key for both ends", frequency=5520)
 KINDS = (FaultKind.DROP, FaultKind.VANISH, FaultKind.REBOOT, FaultKind.POWER, FaultKind.GAP)
 GAP_S = 20.0
@@ -109,6 +111,7 @@ CUTS = [
 ]
 
 
+@pytest.mark.smoke("vanish far /safe-mode/release", "power near /execute")
 @pytest.mark.parametrize(
     ("kind", "end", "path", "nth"), CUTS, ids=[f"{kind} {end} {path}" for kind, end, path, _ in CUTS]
 )
@@ -119,6 +122,7 @@ def test_fault_at_a_critical_point_ends_consistently(
     assert all(result.exit.value in (0, 4, 5) for result in results)
 
 
+@pytest.mark.smoke("far /safe-mode/take")
 @pytest.mark.parametrize(("end", "path", "nth"), SAMPLE, ids=[f"{end} {path}" for end, path, _ in SAMPLE])
 def test_power_loss_that_keeps_safe_mode_changes_ends_consistently(
     tmp_path: Path, end: str, path: str, nth: int
@@ -145,6 +149,7 @@ async def armed(bench: PairBench) -> list[str]:
     return found
 
 
+@pytest.mark.smoke("power far /execute")
 @pytest.mark.parametrize(
     ("kind", "end", "path", "nth"), CUTS, ids=[f"{kind} {end} {path}" for kind, end, path, _ in CUTS]
 )

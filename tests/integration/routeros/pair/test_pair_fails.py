@@ -12,6 +12,8 @@ from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.pair import Signal
 
+pytestmark = pytest.mark.slow
+
 NEW = Words(ssid="new name", key="a new key for both ends", frequency=5520)
 FAMILIES = pytest.mark.parametrize("family", ["legacy", "wifi"])
 
@@ -26,6 +28,7 @@ def writes(bench: PairBench) -> list[str]:
     return [each[0] for each in sentences if each[0].endswith(words) and not any(w.startswith(parses) for w in each)]
 
 
+@pytest.mark.smoke("far0-the keys of near and far would differ-legacy")
 @FAMILIES
 @pytest.mark.parametrize(
     ("far", "why"),
@@ -91,6 +94,7 @@ ROLES = [
 ]
 
 
+@pytest.mark.smoke("legacy-bridge-radar on the new channel")
 @pytest.mark.parametrize(("family", "near_mode", "case"), ROLES)
 def test_link_that_does_not_return_is_rolled_back(tmp_path: Path, family: str, near_mode: str, case: str) -> None:
     air, frequency = NO_LINK[case]
@@ -133,6 +137,7 @@ LEVELS: Mapping[str, tuple[Signal, Status]] = {
 }
 
 
+@pytest.mark.smoke("too weak-wifi")
 @FAMILIES
 @pytest.mark.parametrize("case", LEVELS)
 def test_signal_levels_are_verified_before_the_change_is_kept(tmp_path: Path, family: str, case: str) -> None:
@@ -150,6 +155,7 @@ def test_signal_levels_are_verified_before_the_change_is_kept(tmp_path: Path, fa
     assert [result.protection for result in results] == ["safe-mode", "safe-mode and a job of the scheduler"]
 
 
+@pytest.mark.smoke
 def test_unreachable_far_end_leaves_both_ends_unchanged(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[tuple[DeviceResult, DeviceResult], tuple[str, str], tuple[str, str]]:
         before = bench.exports()

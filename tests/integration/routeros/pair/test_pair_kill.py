@@ -15,6 +15,8 @@ from pair_bench import PASSWORD, PairBench, Words, text, without_job
 from atlantis_netcfg.emulator.routeros import Air, RunningSite
 from atlantis_netcfg.runs import Store
 
+pytestmark = pytest.mark.slow
+
 CHILD = Path(__file__).with_name("pair_child.py")
 NEW = Words(ssid="new name", key="a new key for both ends")
 TIMEOUT_S = 6.0
@@ -108,6 +110,7 @@ def wanted(before: Exports) -> Exports:
     return near, far
 
 
+@pytest.mark.smoke("13")
 @pytest.mark.parametrize("record", [7, 13, 17, 19])
 def test_killed_at_a_record(tmp_path: Path, record: int) -> None:
     assert kill_and_resume(tmp_path, record)

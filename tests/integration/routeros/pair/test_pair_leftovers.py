@@ -16,6 +16,8 @@ from atlantis_netcfg.routeros.apply import Patience
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 from atlantis_netcfg.runs import Journal, Record, ReleaseRecord
 
+pytestmark = pytest.mark.slow
+
 NEW = Words(ssid="new name", key="a new key for both ends")
 LATER_S = 1200.0
 """More than the declared time, and more than a dead session keeps safe mode."""
@@ -115,6 +117,7 @@ async def lose_the_link(bench: PairBench) -> tuple[str, str]:
     return bench.exports()
 
 
+@pytest.mark.smoke("apply")
 @pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME, JobMode.ROLLBACK])
 def test_job_of_a_killed_but_completed_run_is_removed(tmp_path: Path, mode: JobMode) -> None:
     async def act(bench: PairBench) -> tuple[Results, list[str], bool, Results, str]:
@@ -135,6 +138,7 @@ def test_job_of_a_killed_but_completed_run_is_removed(tmp_path: Path, mode: JobM
     assert [each.status for each in second] == [Status.UNCHANGED] * 2, told(second)
 
 
+@pytest.mark.smoke
 def test_plan_and_drift_report_an_armed_job(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[Results, Results, list[str], str]:
         assert await killed(bench, kept("near"))
@@ -202,6 +206,7 @@ def kill_and_run_again(folder: Path, record: int, mode: JobMode) -> bool:
     return on(PairBench(folder), act)
 
 
+@pytest.mark.smoke("15-resume")
 @pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME])
 @pytest.mark.parametrize("record", [7, 10, 15, 16, 17, 18])
 def test_nothing_is_armed_after_the_run_that_follows_a_kill(tmp_path: Path, record: int, mode: JobMode) -> None:

@@ -22,6 +22,7 @@ async def far_alone(bench: PairBench) -> None:
     assert bench.link.down_reason == "the network names differ"
 
 
+@pytest.mark.smoke("wifi")
 @pytest.mark.parametrize("family", ["legacy", "wifi"])
 def test_resume_brings_the_near_end_to_the_far_end(tmp_path: Path, family: str) -> None:
     async def act(bench: PairBench) -> tuple[Results, Results, bool]:
@@ -34,6 +35,7 @@ def test_resume_brings_the_near_end_to_the_far_end(tmp_path: Path, family: str) 
     assert up
 
 
+@pytest.mark.slow
 def test_ordinary_run_changes_nothing_if_only_the_far_end_changed(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[Results, bool]:
         await far_alone(bench)
@@ -57,6 +59,7 @@ def test_resume_with_a_lost_far_end_rolls_the_near_end_back(tmp_path: Path) -> N
     assert as_before
 
 
+@pytest.mark.smoke("apply-left-as-found")
 @pytest.mark.parametrize(("mode", "status"), [(JobMode.APPLY, Status.LEFT_AS_FOUND), (JobMode.RESUME, Status.CHANGED)])
 def test_only_resume_takes_over_an_existing_job(tmp_path: Path, mode: JobMode, status: Status) -> None:
     async def act(bench: PairBench) -> tuple[Results, bool, str]:

@@ -14,6 +14,7 @@ def points(cutting: Cutting, fault: str) -> list[Cut]:
     return [cut for cut in cutting.cuts if fault == "kill" or cut.call not in UNTOUCHED]
 
 
+@pytest.mark.smoke("issue-kill", "revoke-full")
 @pytest.mark.parametrize(
     ("name", "fault"), [("issue", "kill"), ("renew", "kill"), ("revoke", "kill"), ("issue", "full"), ("revoke", "full")]
 )

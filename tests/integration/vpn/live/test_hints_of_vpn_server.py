@@ -21,7 +21,7 @@ from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
 
-pytestmark = pytest.mark.namespace
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 
 @pytest.fixture
@@ -171,6 +171,7 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop, Server], str], str, str]] = {
 }
 
 
+@pytest.mark.smoke("away")
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_recommended_command_works_when_typed(name: str, laptop: Laptop, server: Server) -> None:
     brings, hint, says = SITUATIONS[name]

@@ -23,7 +23,7 @@ from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.enrolment_package import open_package
 from atlantis_netcfg.vpn.pki import key_pem
 
-pytestmark = pytest.mark.namespace
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 ROOT = Path(__file__).parents[4]
 PASSPHRASE = "canary-2f9d41-heron-under-glass"

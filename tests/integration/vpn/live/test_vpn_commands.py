@@ -25,7 +25,7 @@ from atlantis_netcfg.vpn.enrolment_package import open_package
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.server import FOLDER
 
-pytestmark = pytest.mark.namespace
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 _MEMBER, _GUEST = "iqua-sparus2", "udg-lauv"
 LAUV = ("name=lauv", "title=LAUV", "partner=udg", "kind=auv", "site=coastal", "cells=gps,wifi")
@@ -86,6 +86,7 @@ def told(found: dict[str, Any], verdict: str) -> str:
     return "\n".join(one["message"] for one in found["told"] if one["verdict"] == verdict)
 
 
+@pytest.mark.smoke
 def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) -> None:
     (tmp_path / "stick").mkdir()
     words = [*onboarding("iqua", "sparus2", "robot")[:-1], f"to={tmp_path / 'stick'}"]

@@ -19,7 +19,7 @@ from atlantis_netcfg.operations.vpn.server_state import PLACE
 from atlantis_netcfg.routeros.render import template_folder
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT
 
-pytestmark = pytest.mark.namespace
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 ORDER = [
     *("list installed", "no longer admitted", "client told to stop", "firewall closed", "session ended"),
@@ -59,6 +59,7 @@ def refused(server: Server, client: Client, why: str) -> None:
     client.stop()
 
 
+@pytest.mark.smoke
 def test_revoked_member_is_cut_off_at_once_and_cannot_reconnect(server: Server) -> None:
     (other, *names), (bystander, *clients) = connected(server, 6)
     with Echo(bystander) as beside:
@@ -262,6 +263,7 @@ def test_concurrent_run_delays_a_push_but_no_revocation(server: Server) -> None:
     assert server.push().changes == ()
 
 
+@pytest.mark.smoke
 def test_unloadable_firewall_does_not_let_a_revoked_member_pass(server: Server) -> None:
     (name,), (client,) = connected(server)
     common_names, address = server.record.revoke(name), server.record.address(name)
@@ -329,6 +331,7 @@ def test_revocation_list_of_another_authority_is_refused(
     assert server.drift() == ()
 
 
+@pytest.mark.smoke
 def test_an_older_copy_of_the_authority_is_refused(server: Server, tmp_path_factory: pytest.TempPathFactory) -> None:
     copy = tmp_path_factory.mktemp("copy") / "vpn"
     shutil.copytree(server.record.authority.folder, copy)

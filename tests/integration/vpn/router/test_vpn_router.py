@@ -19,6 +19,8 @@ from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.rehearsal import identities, rehearsed_identity
 from atlantis_netcfg.vpn.router_import import PEM, PROFILE, RouterImport
 
+pytestmark = pytest.mark.slow
+
 NAME, CERTIFICATE = "ovpn-scc", "atlantis-vpn"
 STEPS = (
     "/file/add",
@@ -43,6 +45,7 @@ def no_key_in_a_file(stand: Stand) -> None:
     assert not {row["name"] for row in stand.rows("/file")} & {PEM, PROFILE}
 
 
+@pytest.mark.smoke("7.21.5")
 @pytest.mark.parametrize("version", ["7.17", "7.21.5"])
 def test_router_joins_once_and_site_run_changes_nothing(tmp_path: Path, version: str) -> None:
     with router(tmp_path, version) as stand:
@@ -109,6 +112,7 @@ def test_an_interface_without_a_key_is_replaced(tmp_path: Path) -> None:
         assert stand.install().status is Status.UNCHANGED
 
 
+@pytest.mark.smoke("7.16-knows no tls-crypt")
 @pytest.mark.parametrize(
     ("version", "words"),
     [
@@ -131,6 +135,7 @@ def test_older_version_is_refused_with_reason_and_left_unchanged(tmp_path: Path,
         assert not stand.request.state.exists()
 
 
+@pytest.mark.smoke("/file/remove-before")
 @pytest.mark.parametrize(
     ("path", "when"),
     [

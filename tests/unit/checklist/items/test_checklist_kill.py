@@ -5,6 +5,7 @@ import signal
 import sys
 from pathlib import Path
 
+import pytest
 from checklist_bench import FAILSAFE, NAME, WIFI, Desk, answer, pages
 
 from atlantis_netcfg.checklist import Confirmation, VehicleState, books, verify
@@ -94,6 +95,7 @@ def _holds(state: Path, come: int) -> None:
     assert verify(book.folder) == ()
 
 
+@pytest.mark.slow
 def test_kill_before_any_disk_operation_is_survived(tmp_path: Path) -> None:
     photo = tmp_path / "photo.jpg"
     photo.write_bytes(b"a photo" * 20)

@@ -18,6 +18,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bu
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.emulator.lab.stubs import interop
 
+pytestmark = pytest.mark.slow
+
 TOKEN = "CANARY-of-the-library"
 HEADER = "c4i-asset-msgs/include/c4i_asset_msgs/stamped.hpp"
 
@@ -74,6 +76,7 @@ def board(tmp_path: Path) -> Iterator[Board]:
         yield Board(interop.make_interop(tmp_path / "served", "v1"), git, tmp_path)
 
 
+@pytest.mark.smoke
 def test_tag_and_commit_are_fetched_with_submodule_without_history(board: Board) -> None:
     first = board.fetch("v1")
     second = board.projects.release("v2")
@@ -86,6 +89,7 @@ def test_tag_and_commit_are_fetched_with_submodule_without_history(board: Board)
         assert counted.stdout in (b"1\n", b"0\n")
 
 
+@pytest.mark.smoke
 def test_token_goes_only_to_its_own_server_and_is_not_stored(board: Board, tmp_path: Path) -> None:
     with server(tmp_path / "served", None) as other:
         board.projects.release("v2", submodule_at=f"{other.url}/{interop.MESSAGES}.git")
@@ -149,6 +153,7 @@ def test_only_the_difference_to_the_current_build_is_fetched(board: Board) -> No
     assert (board.folder / "seeded" / HEADER).is_file()
 
 
+@pytest.mark.smoke
 def test_interrupted_fetch_is_resumed(board: Board) -> None:
     commit = board.fetch("v1")
     library = board.folder / "library"

@@ -86,6 +86,7 @@ def ended(box: Box, by: str, end: str) -> None:
     box.time_passes()
 
 
+@pytest.mark.smoke("time-netplan")
 @ENDS
 def test_kill_during_staging(box: Box, by: str, end: str) -> None:
     before = settled(box, by)
@@ -99,6 +100,7 @@ def test_kill_during_staging(box: Box, by: str, end: str) -> None:
     assert each_step(box, lambda: made(box, by, **moved(by)).stage, after) > 20
 
 
+@pytest.mark.smoke("time-netplan")
 @ENDS
 def test_kill_during_apply(box: Box, by: str, end: str) -> None:
     before = settled(box, by)
@@ -115,6 +117,7 @@ def test_kill_during_apply(box: Box, by: str, end: str) -> None:
     assert each_step(box, prepare, after) > 5
 
 
+@pytest.mark.smoke("time-netplan")
 @ENDS
 def test_kill_during_rollback(box: Box, by: str, end: str) -> None:
     before = settled(box, by)
@@ -133,6 +136,7 @@ def test_kill_during_rollback(box: Box, by: str, end: str) -> None:
     assert each_step(box, prepare, after) > 5
 
 
+@pytest.mark.smoke("time-netplan")
 @pytest.mark.parametrize("end", ["time", "power"])
 def test_kill_during_confirmation(box: Box, by: str, end: str) -> None:
     before = settled(box, by)
@@ -154,6 +158,7 @@ def test_kill_during_confirmation(box: Box, by: str, end: str) -> None:
     assert each_step(box, prepare, after) > 5
 
 
+@pytest.mark.smoke("netplan")
 def test_power_cut_during_rollback_at_boot(box: Box, by: str) -> None:
     before = settled(box, by)
 
@@ -171,6 +176,7 @@ def test_power_cut_during_rollback_at_boot(box: Box, by: str) -> None:
     assert each_step(box, prepare, after) > 2
 
 
+@pytest.mark.smoke("netplan")
 def test_killed_first_change_leaves_no_partial_network(box: Box, by: str) -> None:
     """The first change of all: what it takes back is nothing, and the last kill leaves it staged."""
     before = box.state()

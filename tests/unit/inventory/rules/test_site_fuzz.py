@@ -71,6 +71,7 @@ def check(inventory: Path) -> int:
     return len(findings)
 
 
+@pytest.mark.smoke("0", "1", "2")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_randomly_changed_data_is_handled(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = random.Random(seed)  # noqa: S311 - a test
@@ -90,6 +91,7 @@ def test_randomly_changed_data_is_handled(seed: int, tmp_path: Path, monkeypatch
     assert found > 0
 
 
+@pytest.mark.smoke("0", "1", "2")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_randomly_changed_text_is_handled(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = random.Random(1000 + seed)  # noqa: S311 - a test

@@ -91,6 +91,7 @@ def test_far_clock_synchronised_mid_train_gives_no_delay() -> None:
     assert figures.down.delay is None
 
 
+@pytest.mark.smoke("1")
 @pytest.mark.parametrize("seed", range(4))
 def test_loss_per_direction(seed: int) -> None:
     net = network(LinkShape(delay_s=0.28, loss=0.03), LinkShape(delay_s=0.28, loss=0.01), seed, skew_ns=SECOND)
@@ -154,6 +155,7 @@ def _overtaken(arrivals: list[int]) -> float:
     return late / len(arrivals)
 
 
+@pytest.mark.smoke("12")
 @pytest.mark.parametrize("gap_s", [3, 12, 30, 70])
 def test_longest_gap_and_gap_counts(gap_s: int) -> None:
     gaps = ((100.0, 100.0 + gap_s), (300.0, 302.0))

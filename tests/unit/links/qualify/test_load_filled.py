@@ -100,6 +100,7 @@ def test_paused_sender_is_inconclusive() -> None:
     assert record.verdict is Verdict.INCONCLUSIVE
 
 
+@pytest.mark.smoke("73200")
 @pytest.mark.parametrize("begins_ms", [72_800, 73_200, 73_500])
 def test_pause_at_the_end_of_a_load_is_detected_or_harmless(begins_ms: int) -> None:
     """The last message up begins 73.15 s after the first packet: it takes longer, and none after it begins late."""
@@ -110,6 +111,7 @@ def test_pause_at_the_end_of_a_load_is_detected_or_harmless(begins_ms: int) -> N
         assert (row.verdict, row.doubt[:22]) == (Verdict.INCONCLUSIVE, "the sender fell behind")
 
 
+@pytest.mark.smoke("60")
 @pytest.mark.parametrize("stopped_ms", [45, 60, 100, 200])
 def test_busy_computer_is_distinguished_from_a_slow_link(stopped_ms: int) -> None:
     """Pauses within each half second: where the queue ran empty, the goodput is too low, and never passes."""
@@ -120,6 +122,7 @@ def test_busy_computer_is_distinguished_from_a_slow_link(stopped_ms: int) -> Non
         assert "fell behind" in row.doubt
 
 
+@pytest.mark.smoke("0.03")
 @pytest.mark.parametrize("loss", [0.0, 0.03])
 def test_fully_carried_load_is_inconclusive(loss: float) -> None:
     faster = replace(LINK, rate_bps=2 * RATE, loss=loss)

@@ -63,6 +63,7 @@ LINKS = (
 )
 
 
+@pytest.mark.smoke("200-0.0", "200-0.01")
 @pytest.mark.parametrize("loss", [0.0, 0.01, 0.03])
 @pytest.mark.parametrize("link", LINKS, ids=[str(link.size) for link in LINKS])
 def test_the_highest_rate_is_within_a_tenth_of_the_truth(link: Trial, loss: float) -> None:

@@ -49,6 +49,7 @@ def test_cached_metadata_equals_what_ansible_reads(tmp_path: Path, metadata: obj
         assert len(list((tmp_path / "atlantis" / "ansible").iterdir())) == 1
 
 
+@pytest.mark.smoke("{")
 @pytest.mark.parametrize("damaged", [b"", b"{", b"[]", b"\xff\xfe"])
 def test_damaged_cache_file_is_rewritten(damaged: bytes, tmp_path: Path, metadata: object) -> None:
     started(PROGRAM, tmp_path)

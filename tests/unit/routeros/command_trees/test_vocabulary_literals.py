@@ -55,6 +55,7 @@ def unknown(literal: Literal, tree: Tree) -> set[str]:
     return {name for said in lines(text, tree) if not _PUT_IN.match(said.text) for name in said.unknown(tree)}
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_every_literal_is_a_known_command_or_menu(tree: Tree) -> None:
     odd = {}
@@ -65,11 +66,13 @@ def test_every_literal_is_a_known_command_or_menu(tree: Tree) -> None:
     assert len(literals()) > 150
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_no_menu_resembles_a_file_system_path(tree: Tree) -> None:
     assert not any(tree.has_menu(name) for name in ("/etc", "/media", "/opt", "/srv", "/usr", "/var"))
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_radio_menus_can_be_printed(tree: Tree) -> None:
     assert all("print" in tree.commands(f"/interface/{family}") for family in Family)
@@ -84,6 +87,7 @@ def test_every_menu_suffix_is_known_in_every_version() -> None:
     assert ends
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_sentences_that_are_written_out_have_known_arguments(tree: Tree) -> None:
     odd, count = {}, 0

@@ -53,6 +53,7 @@ def commands(tree: Tree) -> Iterator[tuple[str, str, str]]:
             yield menu, command, f"{menu.rstrip('/')}/{command}"
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_every_command_is_known_and_refuses_an_invalid_argument(tree: Tree) -> None:
     bare, odd, count = BARE[tree.version], {}, 0
@@ -67,6 +68,7 @@ def test_every_command_is_known_and_refuses_an_invalid_argument(tree: Tree) -> N
     assert count > 4500
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_every_argument_is_known(tree: Tree) -> None:
     bare, odd, count = BARE[tree.version], {}, 0
@@ -82,6 +84,7 @@ def test_every_argument_is_known(tree: Tree) -> None:
     assert count > 29_000
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_commands_of_other_versions_only_are_refused(tree: Tree) -> None:
     """The nearest thing to a misspelling: a name that is right, but not in this version."""
@@ -152,6 +155,7 @@ def test_arguments_of_other_commands_are_refused(data: st.DataObject, version: s
     assert BARE[version].says(f"{menu}/{command}", f"={name}=1") == f"unknown parameter {name}"
 
 
+@pytest.mark.smoke("7.18.2")
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_console_refusals_have_the_exact_text(tree: Tree) -> None:
     """Every seventh command of the tree, misspelt in three ways; the column is that of the wrong word."""

@@ -23,6 +23,9 @@ def kinds(found: Comparison) -> list[DriftKind]:
     return [one.kind for one in found.differences]
 
 
+@pytest.mark.smoke(
+    "/system/logging", "/interface/wireless/access-list", "/ip/address", "/ip/firewall/filter", "/ip/route"
+)
 @pytest.mark.parametrize("menu", EXPORTED, ids=lambda menu: menu.path)
 @settings(max_examples=15)
 @given(data=st.data(), entire=st.booleans())
@@ -50,6 +53,9 @@ def test_drift_equals_what_a_run_would_change(menu: Menu, data: st.DataObject, *
     assert set(kinds(after)) <= {DriftKind.FOREIGN, DriftKind.HIDDEN}
 
 
+@pytest.mark.smoke(
+    "/system/logging", "/interface/wireless/access-list", "/ip/address", "/ip/firewall/filter", "/ip/route"
+)
 @pytest.mark.parametrize("menu", EXPORTED, ids=lambda menu: menu.path)
 @settings(max_examples=15)
 @given(data=st.data(), entire=st.booleans())
@@ -66,6 +72,9 @@ def test_unchanged_device_has_no_changes_since_confirmation(menu: Menu, data: st
     assert {one.since for one in found if one.kind is not DriftKind.MISSING} <= {Since.ALREADY, Since.UNKNOWN}
 
 
+@pytest.mark.smoke(
+    "/system/logging", "/interface/wireless/access-list", "/ip/address", "/ip/firewall/filter", "/ip/route"
+)
 @pytest.mark.parametrize("menu", EXPORTED, ids=lambda menu: menu.path)
 @settings(max_examples=15)
 @given(data=st.data())

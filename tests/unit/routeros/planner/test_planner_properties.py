@@ -87,6 +87,9 @@ def declared(menu: Menu, rows: list[dict[str, str]], *, entire: bool, restores: 
 LISTS = [menu for menu in MENUS.values() if menu.shape is Shape.LIST and not menu.readonly]
 
 
+@pytest.mark.smoke(
+    "/system/logging", "/interface/wireless/access-list", "/ip/address", "/ip/firewall/filter", "/ip/route"
+)
 @pytest.mark.parametrize("menu", LISTS, ids=lambda menu: menu.path)
 @given(data=st.data(), entire=st.booleans(), restores=st.booleans())
 def test_plan_reaches_the_desired_state(menu: Menu, data: st.DataObject, *, entire: bool, restores: bool) -> None:
@@ -134,6 +137,7 @@ def check_order(planned: Plan) -> None:
 SETTINGS = [menu for menu in MENUS.values() if menu.shape is Shape.SINGLETON]
 
 
+@pytest.mark.smoke("/system/clock", "/ip/dns", "/snmp")
 @pytest.mark.parametrize("menu", SETTINGS, ids=lambda menu: menu.path)
 @given(data=st.data(), restores=st.booleans())
 def test_settings_reach_the_desired_state(menu: Menu, data: st.DataObject, *, restores: bool) -> None:

@@ -61,6 +61,7 @@ def ran(store: Store, status: str = "changed", device: str = "router", *, confir
     return journal.run
 
 
+@pytest.mark.slow
 def test_thousand_runs_cost_as_much_as_ten(store: Store, capsys: pytest.CaptureFixture[str]) -> None:
     def costs() -> dict[str, tuple[int, int]]:
         return {

@@ -29,6 +29,8 @@ from atlantis_netcfg.vpn.authority.model import RevocationResult
 from atlantis_netcfg.vpn.enrolment_package import open_package
 from atlantis_netcfg.vpn.members import Onboarding
 
+pytestmark = pytest.mark.slow
+
 UNTIL = (datetime.now(UTC).date() + timedelta(days=20)).isoformat()
 LAUV = ("name=lauv", "title=LAUV", "partner=udg", "kind=auv", "site=coastal", "cells=gps,wifi,ethernet")
 LINES = ("# my own words", "---", "guests:", "  # the first of the year", "  old:")
@@ -95,6 +97,7 @@ def quay(
     return Quay(tmp_path, capsys)
 
 
+@pytest.mark.smoke
 def test_guest_is_added_checked_and_removed_without_a_trace(quay: Quay) -> None:
     """Commands alone; 0 files edited by hand; the declaration is as it was, byte for byte."""
     before = quay.files()
@@ -227,6 +230,7 @@ def test_kill_between_declaring_and_issuing_can_be_completed_or_undone(
     assert quay.files() == before
 
 
+@pytest.mark.smoke("write")
 @pytest.mark.parametrize("step", ["write", "remove_packages", "left_over"])
 def test_killed_end_is_completed_by_repeating(quay: Quay, step: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = quay.files()
@@ -279,6 +283,7 @@ def test_concurrent_add_waits_and_neither_is_lost(quay: Quay, monkeypatch: pytes
     assert quay.files() == before
 
 
+@pytest.mark.smoke
 def test_the_wrong_passphrase_leaves_nothing(quay: Quay) -> None:
     before = quay.files()
     assert "wrong passphrase, or the file was changed" in quay.add(code=3, passphrase=f"{PASSPHRASE}r")
@@ -371,6 +376,7 @@ def test_revocation_is_pushed_again_until_the_server_answers(quay: Quay, monkeyp
     assert len(there.cuts) == 2
 
 
+@pytest.mark.smoke
 def test_leftovers_are_named_and_fail_the_command(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
     quay.add()
     monkeypatch.setattr(guests, "remove_packages", lambda *_: None)

@@ -501,6 +501,7 @@ SITUATIONS: dict[str, Situation] = {
 }
 
 
+@pytest.mark.smoke("a member that is there", "left for later", "a list that has ended", "an identity for a gateway")
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_suggested_commands_work(name: str, laptop: Laptop) -> None:
     brings, hint, code, says = SITUATIONS[name]

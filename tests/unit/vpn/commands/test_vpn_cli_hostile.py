@@ -60,6 +60,7 @@ def good(word: str, one: Hostile) -> bool:
     }.get(word, False)
 
 
+@pytest.mark.smoke("device", "name", "address")
 @pytest.mark.parametrize("word", WORDS)
 def test_every_hostile_name_is_refused_or_accepted_correctly(word: str, desk: Desk) -> None:
     before = desk.files()
@@ -120,6 +121,7 @@ def test_jinja_expression_in_a_file_is_refused(text: str, desk: Desk, tmp_path: 
     assert (code, "batch.yml:4: this is a Jinja expression" in err) == (3, True), err
 
 
+@pytest.mark.smoke("'--help'")
 @pytest.mark.parametrize("text", SAMPLE, ids=lambda text: ascii(text)[:20])
 def test_separate_process_gives_the_same_error(text: str, desk: Desk) -> None:
     before = desk.files()

@@ -16,6 +16,8 @@ from atlantis_netcfg.inventory import Host
 from atlantis_netcfg.operations.vpn.router import InstalledIdentity
 from atlantis_netcfg.routeros.apply import Status
 
+pytestmark = pytest.mark.slow
+
 __all__ = ["laptop"]
 RENEWED = (
     "`provision vpn renew name={name}` creates a new one, and `provision vpn install device={name}` installs "
@@ -162,6 +164,7 @@ SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
 }
 
 
+@pytest.mark.smoke("clock", "silent")
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_advised_commands_work_when_typed(name: str, laptop: Laptop, reached: list[str]) -> None:
     world, hint, code, devices = SITUATIONS[name]
