@@ -116,6 +116,8 @@ OUT: Mapping[str, str] = {
     "core/processes/remote_bundle.py": "names of files",
     "core/eventlog.py": "lines of a log",
     "routeros/assumptions.py": "for engineers: `device verify` prints what docs/engineers/assumptions.md lists",
+    "operations/pilot_network/network.py": "arguments of ip and nft",
+    "operations/pilot_network/robot.py": "what a DDS message holds",
     "operations/lte/assumptions.py": "what engineers have to test on a real unit, as of RouterOS",
     "routeros/menus": "RouterOS's own language",
     "routeros/rsc": "the grammar of export text",

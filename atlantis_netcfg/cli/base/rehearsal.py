@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.common.kinds import is_other_lte_unit
 from atlantis_netcfg.operations.common.session_link import LAN, site_link_of
@@ -58,30 +59,32 @@ def _try_flows(session: CommandSession, emulators: Rehearsal, report: RunReport)
     if why is not None:
         limit = msg(f"packets: no flow was tried through the routers: {arg(why)}")
         return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
-    return _extended(report, flows, [*dataplane.NOT_REHEARSED, *rehearsal.limits(flows)])
+    return _with_fields(report, flows, [*dataplane.NOT_REHEARSED, *rehearsal.limits(flows)])
 
 
 def _join_sites(session: CommandSession, emulators: Rehearsal, report: RunReport) -> RunReport:
-    """Join all sites, if the VPN's server is among them: cut links, send data, and run the checklists."""
-    from atlantis_netcfg.checklist import joined_sites
+    """Join the sites, where this computer may make namespaces: cut links, send data, and run the checklists."""
+    from atlantis_netcfg.checklist import pilot_rehearsal
     from atlantis_netcfg.emulator import lab
     from atlantis_netcfg.operations.pilot_network.rehearsal import join_sites
 
-    if session.inventory.pilot.vpn.server not in emulators.computers.machines:
-        return report
+    hosts = session.contacted_hosts
+    if lab.why_no_namespace() is not None or not any(isinstance(host.device, Router) for host in hosts):
+        return report  # the packets of the flows have said why
     if not session.as_json:
-        print(translate("Sites joined: links cut one by one, data, checklists"), file=sys.stderr, flush=True)
+        print(translate("Sites joined: links are cut one by one"), file=sys.stderr, flush=True)
     request = session.request(Mode.APPLY)
     try:
-        with join_sites(session.inventory, session.contacted_hosts, emulators, request) as joined:
-            fields = joined_sites.try_sites(joined)
+        with join_sites(session.inventory, hosts, emulators, request) as pilot:
+            fields = pilot_rehearsal.try_sites(pilot)
     except lab.MachineError as error:
         limit = msg(f"sites were not joined: {arg(str(error))}")
         return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
-    return _extended(report, fields, [])
+    limits = [] if pilot.has_server else [msg("data, TEST_ROBOT and checklists with packets: rehearse site=all")]
+    return _with_fields(report, fields, limits)
 
 
-def _extended(report: RunReport, fields: Mapping[str, Mapping[str, Any]], limits: Sequence[str]) -> RunReport:
+def _with_fields(report: RunReport, fields: Mapping[str, Mapping[str, Any]], limits: Sequence[str]) -> RunReport:
     """Add fields to the results of devices, and limits."""
     devices = {name: {**result, **fields.get(name, {})} for name, result in report.devices.items()}
     return replace(report, devices=devices, not_rehearsed=(*report.not_rehearsed, *limits))

@@ -40,6 +40,8 @@ _PROGRAMS = {
     "git": "git",
     "gpg": "gnupg",
     "nft": "nftables",
+    "conntrack": "conntrack",
+    "openvpn": "openvpn",
 }
 """Program to the Debian package that provides it; stub packages are served from signed repositories."""
 _KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.inventory import Host, model
-    from atlantis_netcfg.operations.pilot_network.rehearsal import JoinedRehearsal
+    from atlantis_netcfg.operations.pilot_network.rehearsal import PilotRehearsal
 
 _STEP_S: Final = 1.0
 """Emulated seconds between two looks at the route in use."""
@@ -35,7 +35,7 @@ class LinkMove:
     before: str
     after: str
     limit_s: float
-    used: str | None = None
+    active: str | None = None
     """The link in use when the time was over; None: none."""
     took_s: float = 0.0
     """Of the router's clock."""
@@ -43,14 +43,14 @@ class LinkMove:
     @property
     def is_in_time(self) -> bool:
         """Whether the right link was in use within the declared time."""
-        return self.used == self.after
+        return self.active == self.after
 
     def __str__(self) -> str:
         if self.is_in_time:
             return msg(f"{arg(self.before)} to {arg(self.after)} in {arg(self.took_s):.0f} s")
-        used = self.used or msg("no link")
+        active = self.active or msg("no link")
         return msg(
-            f"{arg(self.before)} to {arg(self.after)}: after {arg(self.limit_s):.0f} s {arg(used)} carries the traffic"
+            f"{arg(self.before)} to {arg(self.after)}: after {arg(self.limit_s):.0f} s {arg(active)} carries the traffic"
         )
 
 
@@ -71,49 +71,49 @@ class LinkCuts:
         return msg(f"traffic moved by itself when links were cut: {arg(join(', ', map(str, self.moves)))}")
 
 
-def cut_links(joined: JoinedRehearsal, host: Host, visit: Callable[[str], None]) -> LinkCuts:
+def cut_links(pilot: PilotRehearsal, host: Host, visit: Callable[[str], None]) -> LinkCuts:
     """Cut a router's links in order of preference, then mend all; `visit` is called with each link while it is used."""
-    links = joined.inventory.sites[host.site].bearers
+    links = pilot.inventory.sites[host.site].bearers
     result = LinkCuts()
     first = links[0]
-    _move(joined, host, LinkMove("", first.name, _return_s(joined, host, first)))
+    _move(pilot, host, LinkMove("", first.name, _return_s(pilot, host, first)))
     visit(first.name)
     for link, following in itertools.pairwise(links):
-        joined.network.links[host.site, link.name].is_up = False
-        result.moves.append(_move(joined, host, LinkMove(link.name, following.name, _leave_s(joined, host, link))))
+        pilot.network.links[host.site, link.name].is_up = False
+        result.moves.append(_move(pilot, host, LinkMove(link.name, following.name, _leave_s(pilot, host, link))))
         visit(following.name)
     for link in links:
-        joined.network.links[host.site, link.name].is_up = True
+        pilot.network.links[host.site, link.name].is_up = True
     if len(links) > 1:
-        back = LinkMove(links[-1].name, first.name, _return_s(joined, host, first))
-        result.moves.append(_move(joined, host, back))
+        back = LinkMove(links[-1].name, first.name, _return_s(pilot, host, first))
+        result.moves.append(_move(pilot, host, back))
     return result
 
 
-def link_in_use(joined: JoinedRehearsal, host: Host) -> str | None:
+def link_in_use(pilot: PilotRehearsal, host: Host) -> str | None:
     """Return the link over which a router's default route leads now."""
-    namespace = joined.network.routers[host.name]
-    routes = json.loads(joined.network.run(namespace, "ip", "-j", "route", "show", "default"))
+    namespace = pilot.network.routers[host.name]
+    routes = json.loads(pilot.network.run(namespace, "ip", "-j", "route", "show", "default"))
     ports = {port.name: port.link for port in view.router_of(host).ports}
     best = min(routes, key=lambda route: route.get("metric", 0), default=None)
     return None if best is None else ports.get(best["dev"])
 
 
-def _move(joined: JoinedRehearsal, host: Host, move: LinkMove) -> LinkMove:
+def _move(pilot: PilotRehearsal, host: Host, move: LinkMove) -> LinkMove:
     """Move the router's clock forward until the right link is in use, or the time is over."""
     begin, skipped_s, took_s = time.monotonic(), 0.0, 0.0
-    while (used := link_in_use(joined, host)) != move.after and took_s < move.limit_s:
-        joined.rehearsal.emulators.do(host.name, "wait", seconds=_STEP_S)
+    while (active := link_in_use(pilot, host)) != move.after and took_s < move.limit_s:
+        pilot.rehearsal.emulators.do(host.name, "wait", seconds=_STEP_S)
         skipped_s += _STEP_S
         took_s = skipped_s + time.monotonic() - begin
-    return replace(move, used=used, took_s=took_s)
+    return replace(move, active=active, took_s=took_s)
 
 
-def _leave_s(joined: JoinedRehearsal, host: Host, link: model.Link) -> float:
-    times = joined.inventory.sites[host.site].failover
+def _leave_s(pilot: PilotRehearsal, host: Host, link: model.Link) -> float:
+    times = pilot.inventory.sites[host.site].failover
     return times.hold_down_s + (times.metered_probe_s if link.metered else 0) + _MARGIN_S
 
 
-def _return_s(joined: JoinedRehearsal, host: Host, link: model.Link) -> float:
-    times = joined.inventory.sites[host.site].failover
+def _return_s(pilot: PilotRehearsal, host: Host, link: model.Link) -> float:
+    times = pilot.inventory.sites[host.site].failover
     return times.fail_back_s + (times.metered_probe_s if link.metered else WATCH_S) + _MARGIN_S

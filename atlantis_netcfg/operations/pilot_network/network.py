@@ -19,7 +19,7 @@ from atlantis_netcfg.emulator.lab.frame_link import FrameLink, FrameRelay
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import plug_of
 from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.flows.intent import RouterIntent
-from atlantis_netcfg.operations.pilot_network.time_server import TimeServer
+from atlantis_netcfg.operations.pilot_network.time_server import SntpResponder
 from atlantis_netcfg.routeros.render import view
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class PilotNetwork:
             for link in self.inventory.sites[host.site].bearers:
                 self._lay(relay, host, link, replay)
         for server in self.inventory.pilot.time_servers:
-            self._stack.enter_context(TimeServer(internet, str(server.address)))
+            self._stack.enter_context(SntpResponder(internet, str(server.address)))
 
     def _servers(self) -> list[IPv4Address]:
         """Return the addresses of the internet that answer: probe targets, time servers, and refused ones."""
@@ -115,11 +115,11 @@ class PilotNetwork:
         probes = [
             address for link in links for address in (*link.canaries, *(each.address for each in link.refused_probes))
         ]
-        own = {link.address for link in links}
+        routers = {link.address for link in links}
         return [
             address
             for address in dict.fromkeys([*probes, *(server.address for server in self.inventory.pilot.time_servers)])
-            if address not in own
+            if address not in routers
         ]
 
     def _lay(self, relay: FrameRelay, host: Host, link: model.Link, replay: Replay | None) -> None:

@@ -1,8 +1,9 @@
-"""A rehearsal whose sites are joined: computers are plugged in behind their routers, and the tunnels of all are up."""
+"""A rehearsal whose sites are pilot: computers are plugged in behind their routers, and the tunnels of all are up."""
 
 from __future__ import annotations
 
 import json
+import shlex
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -20,6 +21,7 @@ from atlantis_netcfg.vpn.client import SERVICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     from atlantis_netcfg.emulator import lab
     from atlantis_netcfg.inventory import Host, Inventory
@@ -33,8 +35,8 @@ _POLL_S: Final = 0.2
 
 
 @dataclass
-class JoinedRehearsal:
-    """What runs while the sites are joined."""
+class PilotRehearsal:
+    """What runs while the sites are pilot."""
 
     inventory: Inventory
     rehearsal: Rehearsal
@@ -42,6 +44,11 @@ class JoinedRehearsal:
     routers: tuple[Host, ...]
     silent: dict[str, str] = field(default_factory=dict)
     """Computers and routers whose tunnel is not up, and why."""
+
+    @property
+    def has_server(self) -> bool:
+        """Whether the VPN's server takes part: without it no tunnel comes up."""
+        return self.inventory.pilot.vpn.server in self.rehearsal.computers.machines
 
     def machines(self, site: str) -> dict[str, lab.Machine]:
         """Return the machines of a site by host name."""
@@ -52,13 +59,14 @@ class JoinedRehearsal:
 @contextmanager
 def join_sites(
     inventory: Inventory, hosts: Sequence[Host], rehearsal: Rehearsal, request: Request
-) -> Iterator[JoinedRehearsal]:
+) -> Iterator[PilotRehearsal]:
     """Join the sites of configured emulated routers and machines until the context ends.
 
     Raises MachineError if this computer cannot do it, DeviceError if a router refuses its identity.
     """
     routers = tuple(host for host in hosts if isinstance(host.device, model.Router))
-    enrol_routers(inventory, rehearsal, routers, request)
+    if inventory.pilot.vpn.server in rehearsal.computers.machines:
+        enrol_routers(inventory, rehearsal, routers, request)
     with ExitStack() as stack, temporary.folder("tunnels") as folder:
 
         def attach(host: Host, namespace: str | None) -> None:
@@ -67,49 +75,50 @@ def join_sites(
         network = stack.enter_context(open_network(inventory, routers, attach, rehearsal.replay))
         for host in routers:
             stack.callback(attach, host, None)
-        joined = JoinedRehearsal(inventory, rehearsal, network, routers)
+        pilot = PilotRehearsal(inventory, rehearsal, network, routers)
         for host in routers:
-            for machine in joined.machines(host.site).values():
+            for machine in pilot.machines(host.site).values():
                 network.plug_in(machine, host)
-        for host in routers:
-            place = folder / host.name
-            place.mkdir(mode=0o700)
-            do = partial(rehearsal.emulators.do, host.name)
-            clients = tunnel.RouterTunnels(do, network.routers[host.name], place)
-            stack.callback(clients.close)
-            clients.refresh()
-            if clients.tunnels:
-                joined.silent[host.name] = ""
-        _connect(joined)
-        yield joined
+        if pilot.has_server:
+            _connect(pilot, stack, folder)
+        yield pilot
 
 
-def _connect(joined: JoinedRehearsal) -> None:
-    """Let the computers' clients try again, as after a start, and wait for the tunnels of all."""
-    clients = {
-        name: machine
-        for name, machine in joined.rehearsal.computers.machines.items()
-        if _is_client(joined.inventory.hosts[name])
-    }
-    with ThreadPoolExecutor(max(1, len(clients))) as pool:
-        list(pool.map(lambda machine: machine.run(f"systemctl restart {SERVICE}"), clients.values()))
+def _connect(pilot: PilotRehearsal, stack: ExitStack, folder: Path) -> None:
+    """Start the routers' clients, let those of the computers try again, and wait for the tunnels of all."""
+    waiting: dict[str, lab.Machine | None] = {}
+    for host in pilot.routers:
+        place = folder / host.name
+        place.mkdir(mode=0o700)
+        do = partial(pilot.rehearsal.emulators.do, host.name)
+        clients = tunnel.RouterTunnels(do, pilot.network.routers[host.name], place)
+        stack.callback(clients.close)
+        clients.refresh()
+        waiting |= dict.fromkeys([host.name] if clients.tunnels else ())
+    machines = [
+        machine
+        for name, machine in pilot.rehearsal.computers.machines.items()
+        if _is_client(pilot.inventory.hosts[name])
+    ]
+    with ThreadPoolExecutor(max(1, len(machines))) as pool:
+        list(pool.map(lambda machine: machine.run(shlex.join(("systemctl", "restart", SERVICE))), machines))
+    waiting |= {machine.name: machine for machine in machines}
     end = time.monotonic() + _UP_S
-    waiting = {**clients, **dict.fromkeys(joined.silent)}
     while waiting and time.monotonic() < end:
-        waiting = {name: machine for name, machine in waiting.items() if not _is_up(joined, name, machine)}
+        waiting = {name: machine for name, machine in waiting.items() if not _is_up(pilot, name, machine)}
         time.sleep(_POLL_S)
-    joined.silent = {name: msg(f"no tunnel to the VPN within {arg(_UP_S):g} s") for name in waiting}
+    pilot.silent |= dict.fromkeys(waiting, msg(f"no tunnel to the VPN within {arg(_UP_S):g} s"))
 
 
 def _is_client(host: Host) -> bool:
     return isinstance(host.device, model.ServerComputer) and host.device.vpn_address is not None
 
 
-def _is_up(joined: JoinedRehearsal, name: str, machine: lab.Machine | None) -> bool:
+def _is_up(pilot: PilotRehearsal, name: str, machine: lab.Machine | None) -> bool:
     if machine is None:
-        interfaces = joined.rehearsal.emulators.do(name, "network")["tunnels"]
-        namespace, devices = joined.network.routers[name], list(interfaces)
+        interfaces = pilot.rehearsal.emulators.do(name, "network")["tunnels"]
+        namespace, devices = pilot.network.routers[name], list(interfaces)
     else:
         namespace, devices = machine.namespace, [_TUNNEL]
-    rows = json.loads(joined.network.run(namespace, "ip", "-j", "-4", "address", "show"))
+    rows = json.loads(pilot.network.run(namespace, "ip", "-j", "-4", "address", "show"))
     return all(any(row["ifname"] == device and row["addr_info"] for row in rows) for device in devices)

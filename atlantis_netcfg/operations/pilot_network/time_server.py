@@ -22,7 +22,7 @@ _REQUEST: Final = 48
 _POLL_S: Final = 0.2
 
 
-class TimeServer:
+class SntpResponder:
     """Answers at an address of a namespace while its context lasts."""
 
     def __init__(self, namespace: str, address: str) -> None:

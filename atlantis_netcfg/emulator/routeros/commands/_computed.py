@@ -58,10 +58,10 @@ def _interface(
     flags = {"running": interface.running, "disabled": not interface.is_enabled}
     if interface.master is not None:
         flags["slave"] = True
-    modelled, live = core.octets.get(row.get("default-name", ""), (0, 0)), octets.get(item.id, (0, 0))
+    by_model, live = core.octets.get(row.get("default-name", ""), (0, 0)), octets.get(item.id, (0, 0))
     traffic = dict.fromkeys(TRAFFIC, "0") | {
-        "rx-byte": str(modelled[0] + live[0]),
-        "tx-byte": str(modelled[1] + live[1]),
+        "rx-byte": str(by_model[0] + live[0]),
+        "tx-byte": str(by_model[1] + live[1]),
     }
     return row | traffic | {name: _format_bool(value) for name, value in flags.items()}
 

@@ -54,13 +54,13 @@ def ping(core: Core, call: Call) -> CallResult:
     if call.arguments.get("arp-ping") == "yes":
         # Who answers ARP on a link of its own is nobody's packet on the way out, and needs no route.
         return CallResult(
-            rows=_echoes(core, target, _modelled(int(count), reachable=str(target) in core.spec.answering))
+            rows=_echoes(core, target, _model_echoes(int(count), reachable=str(target) in core.spec.answering))
         )
     if core.live is not None:
         return CallResult(rows=_echoes(core, target, core.live.ping(target, source, int(count))))
     reachable = answers(core, target, source)
     count_echoes(core, target, source, int(count), has_answer=reachable)
-    return CallResult(rows=_echoes(core, target, _modelled(int(count), reachable=reachable)))
+    return CallResult(rows=_echoes(core, target, _model_echoes(int(count), reachable=reachable)))
 
 
 def remove_connections(core: Core, call: Call) -> CallResult:
@@ -82,7 +82,7 @@ def _target(text: str) -> IPv4Address:
         raise Trap("failure: resolve failed" if text[:1].isalpha() else "invalid value for argument address") from error
 
 
-def _modelled(count: int, *, reachable: bool) -> list[tuple[float, int] | None]:
+def _model_echoes(count: int, *, reachable: bool) -> list[tuple[float, int] | None]:
     return [(0.001, 64) if reachable else None] * count
 
 

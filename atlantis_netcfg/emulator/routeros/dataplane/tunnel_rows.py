@@ -93,8 +93,8 @@ def _identity(router: core.Core, table: Table, item: StoredItem) -> str | None:
 
 def _authorities(router: core.Core) -> str:
     table = router.store.table("/certificate")
-    trusted = [item for item in table.items if router.store.text(table, item, "trusted") == "yes"]
-    pems = [router.keys[item.id] for item in trusted if item.id in router.keys]
+    authorities = [item for item in table.items if router.store.text(table, item, "trusted") == "yes"]
+    pems = [router.keys[item.id] for item in authorities if item.id in router.keys]
     return "".join(certificates.split(pem)[0][0] for pem in pems if certificates.read_certificate(pem).authority)
 
 

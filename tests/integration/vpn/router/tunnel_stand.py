@@ -21,7 +21,6 @@ from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.routeros import RunningSite
 from atlantis_netcfg.emulator.routeros.dataplane import tunnel
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespace, plug_of
-from atlantis_netcfg.emulator.routeros.dataplane.rows import NetworkState
 from atlantis_netcfg.vpn import server as product
 from atlantis_netcfg.vpn.authority.authority import Authority
 
@@ -41,9 +40,7 @@ class Ground:
     output: list[str] = field(default_factory=list)
 
     def apply(self) -> None:
-        """Bring the namespace and its VPN clients to the rows."""
-        rows = NetworkState(**self.emulators.do(HOST.name, "network"))
-        self.router.apply(rows.with_default_route(LINK.gateway, PORT))
+        """Bring the VPN clients to the rows; the namespace follows them by itself."""
         self.tunnels.refresh()
 
     def inside(self, *words: str) -> str:
@@ -73,14 +70,16 @@ def ground(emulators: RunningSite, folder: Path) -> Iterator[Ground]:
             hosts.add_namespace(each)
         keys = folder / "tunnels"
         keys.mkdir(parents=True)
-        tunnels = tunnel.RouterTunnels(partial(emulators.do, HOST.name), namespace, keys)
+        tunnels = tunnel.RouterTunnels(partial(emulators.do, HOST.name), namespace.name, keys)
+        emulators.do(HOST.name, "attach", namespace=namespace.name)
         place = Ground(namespace, server, tunnels, emulators, folder / "server")
         try:
-            place.apply()
             _cable(place)
+            place.apply()
             yield place
         finally:
             tunnels.close()
+            emulators.do(HOST.name, "attach", namespace=None)
 
 
 def _cable(place: Ground) -> None:
@@ -90,7 +89,7 @@ def _cable(place: Ground) -> None:
     for line in (
         f"address add {LINK.gateway}/{prefix} dev {plug}",
         f"link set {plug} up",
-        f"address add {ENDPOINT}/32 dev lo",
+        *(f"address add {address}/32 dev lo" for address in (ENDPOINT, *LINK.canaries)),
     ):
         hosts.program("ip", "-n", place.server, *line.split())
 
