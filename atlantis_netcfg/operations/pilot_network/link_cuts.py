@@ -46,12 +46,11 @@ class LinkMove:
         return self.active == self.after
 
     def __str__(self) -> str:
+        way = msg(f"{arg(self.before)} to {arg(self.after)}")
         if self.is_in_time:
-            return msg(f"{arg(self.before)} to {arg(self.after)} in {arg(self.took_s):.0f} s")
+            return msg(f"{arg(way)} in {arg(self.took_s):.0f} s")
         active = self.active or msg("no link")
-        return msg(
-            f"{arg(self.before)} to {arg(self.after)}: after {arg(self.limit_s):.0f} s {arg(active)} carries the traffic"
-        )
+        return msg(f"{arg(way)}: after {arg(self.limit_s):.0f} s {arg(active)} carries the traffic")
 
 
 @dataclass(slots=True)
