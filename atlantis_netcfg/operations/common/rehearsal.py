@@ -6,6 +6,7 @@ address on the management port, nothing else. A rehearsal therefore shows the fi
 
 from __future__ import annotations
 
+import os
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -76,8 +77,10 @@ class Rehearsal:
 
     @property
     def left_out(self) -> Mapping[str, str]:
-        """Hosts that are not emulated on this computer, with the reason."""
-        return self.computers.left_out
+        """Hosts that are not emulated on this computer, with the reason, and what root would add."""
+        if os.geteuid() == 0:
+            return self.computers.left_out
+        return {name: msg(f"{arg(why)}; root adds real packets") for name, why in self.computers.left_out.items()}
 
     def export(self, name: str) -> str:
         """Return the emulated device's current `/export`; for a 4G unit its settings, for a computer its files."""
