@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
@@ -49,23 +50,33 @@ def try_sites(pilot: PilotRehearsal, notify: events.Subscriber = events.ignore) 
     fields: dict[str, dict[str, Any]] = defaultdict(dict)
     for name, why in pilot.silent.items():
         fields[name] = {"exit": ExitCode.FAILED, "status": "unknown", "message": why}
+    sites = [host.site for host in pilot.routers] if pilot.has_server else []
     with ExitStack() as stack:
         listener = _robots(pilot, stack)
-        for host in pilot.routers:
-            sender, data = pilot.inventory.computer_of(host.site), _DataOverLinks()
+        pool = stack.enter_context(ThreadPoolExecutor(max(1, len(pilot.routers))))
+        for section in pool.map(lambda host: _try_links(pilot, host, listener), pilot.routers):
+            for name, rest in section.items():
+                fields[name] |= rest
+    with ThreadPoolExecutor(max(1, len(sites))) as pool:
+        list(pool.map(lambda site: _run_checklist(pilot, site, fields, notify), sites))
+    return fields
 
-            def visit(link: str, sender: Host | None = sender, data: _DataOverLinks = data) -> None:
-                if pilot.has_server and sender is not None and sender.name in pilot.rehearsal.computers.machines:
-                    _try_data(pilot, sender, link, listener, data)
 
-            cuts = link_cuts.cut_links(pilot, host, visit)
-            if cuts.moves:
-                _add(fields[host.name], "link_cuts", cuts.words, cuts.differences)
-            if sender is not None and (data.messages or data.differences):
-                _add(fields[sender.name], "data", data.words, data.differences)
-                fields[sender.name]["data"]["messages"] = data.messages
-    for host in pilot.routers if pilot.has_server else ():
-        _run_checklist(pilot, host.site, fields, notify)
+def _try_links(pilot: PilotRehearsal, host: Host, listener: robot.RobotProcess | None) -> dict[str, dict[str, Any]]:
+    """Cut the links of one site and send data over each; return by host name what to add to its result."""
+    fields: dict[str, dict[str, Any]] = defaultdict(dict)
+    sender, data = pilot.inventory.computer_of(host.site), _DataOverLinks()
+
+    def visit(link: str) -> None:
+        if pilot.has_server and sender is not None and sender.name in pilot.rehearsal.computers.machines:
+            _try_data(pilot, sender, link, listener, data)
+
+    cuts = link_cuts.cut_links(pilot, host, visit)
+    if cuts.moves:
+        _add(fields[host.name], "link_cuts", cuts.words, cuts.differences)
+    if sender is not None and (data.messages or data.differences):
+        _add(fields[sender.name], "data", data.words, data.differences)
+        fields[sender.name]["data"]["messages"] = data.messages
     return fields
 
 

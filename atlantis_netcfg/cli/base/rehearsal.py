@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.common.kinds import is_other_lte_unit
@@ -100,31 +101,38 @@ def announce(session: CommandSession) -> None:
 
 
 def _again(session: CommandSession, emulators: Rehearsal, first: RunReport) -> RunReport:
-    """Run again over each link; a device whose site lacks it keeps its own. Ctrl-C ends it without passing."""
+    """Run again until every device was reached over each link of its site. Ctrl-C ends it without passing."""
     passes: list[Pass] = []
-    sites = session.inventory.sites
-    units = {host.name for host in session.hosts if is_other_lte_unit(host)}
-    links = list(
-        dict.fromkeys([LAN.name, *(link.name for host in session.contacted_hosts for link in sites[host.site].bearers)])
-    )
-    for number, name in enumerate(links, 1):
+    rounds, requested = _rounds(session), {host.name for host in session.hosts}
+    for number, links in enumerate(rounds, 1):
         if not session.as_json:
-            words = msg(f"Repeated run {arg(number)} of {arg(len(links))}, over {arg(name)}: no change may be left")
+            over = conjunction(dict.fromkeys(links.values()))
+            words = msg(f"Repeated run {arg(number)} of {arg(len(rounds))}, over {arg(over)}: no change may be left")
             print(translate(words), file=sys.stderr, flush=True)
-        via = {
-            host.name: name for host in session.contacted_hosts if name in {LAN.name, *_link_names(session, host.site)}
-        }
+        via = {host.name: links[host.name] for host in session.contacted_hosts if host.name in links}
         for host in session.contacted_hosts:
             link = site_link_of(session.inventory, host, via.get(host.name, session.via))
             emulators.relink(session.inventory, host, link.name)
-        again = session.perform(Mode.APPLY, via=via)
+        part = copy(session)
+        part.narrow(list(links))
+        again = part.perform(Mode.APPLY, via=via)
         for device, result in again.devices.items():
-            if device in via or device in units or result.get("other_end") in via:
-                passes.append(Pass(device, name, result))
+            link_name = links.get(device if device in requested else result.get("other_end", ""))
+            if link_name is not None:
+                passes.append(Pass(device, link_name, result))
         if again.stopped_by:
             return replace(first, passes=tuple(passes), stopped_by=again.stopped_by)
     return replace(first, passes=tuple(passes))
 
 
-def _link_names(session: CommandSession, site: str) -> list[str]:
-    return [link.name for link in session.inventory.sites[site].bearers]
+def _rounds(session: CommandSession) -> list[dict[str, str]]:
+    """Return the link of each device in each repeated run; the slowest, which sites declare last, go side by side."""
+    units = (host for host in session.hosts if is_other_lte_unit(host))
+    links = {
+        host.name: [LAN.name, *(link.name for link in session.inventory.sites[host.site].bearers)]
+        for host in (*session.contacted_hosts, *units)
+    }
+    number = max(map(len, links.values()), default=0)
+    return [
+        {name: choices[last] for name, choices in links.items() if last >= -len(choices)} for last in range(-number, 0)
+    ]

@@ -88,8 +88,8 @@ async def _gap(router: EmulatedRouter, seconds: float) -> None:
     router.gap(seconds)
 
 
-async def _wait(router: EmulatedRouter, seconds: float) -> None:
-    await router.wait(seconds)
+async def _wait(router: EmulatedRouter, seconds: float) -> float:
+    return await router.wait(seconds)
 
 
 async def _silence(router: EmulatedRouter, addresses: list[str]) -> None:

@@ -243,8 +243,11 @@ class EmulatedRouter:
         self.device.silence(addresses)
         self._board.tell()
 
-    async def wait(self, seconds: float) -> None:
-        """Advance only the router's time and process what becomes due; its connections are paused."""
+    async def wait(self, seconds: float) -> float:
+        """Advance only the router's time and process what becomes due; its connections are paused.
+
+        Return the router's time in seconds.
+        """
         end = asyncio.get_running_loop().time() + self._ahead_s + seconds
         while (due := self.device.due()) is not None and due <= end:
             self._move_clock(due)
@@ -253,6 +256,7 @@ class EmulatedRouter:
         self.device.tick()
         await self._board.settle()
         self._board.tell()
+        return asyncio.get_running_loop().time() + self._ahead_s
 
     def _move_clock(self, moment: float) -> None:
         """Let the router's time be at least `moment`; packets of its probes may have taken longer."""

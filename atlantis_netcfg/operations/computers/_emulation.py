@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import secrets
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from ipaddress import IPv4Interface
@@ -101,7 +102,7 @@ def rehearsed_computers(
     public = _key(folder / "key")
     with ExitStack() as stack:
         ground = stack.enter_context(lab.open_lab(folder))
-        machines = {host.name: _start_machine(ground, inventory, host, root, public) for host in computers}
+        machines = {host.name: _boot_machine(ground, inventory, host, root, public) for host in computers}
         targets = {name: _target(machine, folder) for name, machine in machines.items()}
         serving = [host.device for host in computers if isinstance(host.device, model.ServerComputer)]
         servers = any(map(is_server, computers))
@@ -112,6 +113,8 @@ def rehearsed_computers(
         authority, untold = (
             _server_authority(inventory, folder) if servers else _client_identities(inventory, computers, folder)
         )
+        with ThreadPoolExecutor(len(computers)) as pool:  # all have booted meanwhile
+            list(pool.map(_prepare_machine, machines.values(), (host.device for host in computers)))
         result = (
             *((_CLOCK,) if serving else ()),
             *((_NETWORK,) if any(map(_declares_network, computers)) else ()),
@@ -187,19 +190,24 @@ def _declares_network(host: Host) -> bool:
     return isinstance(host.device, model.SiteComputer) and host.device.network is not None
 
 
-def _start_machine(ground: lab.Lab, inventory: Inventory, host: Host, root: Path, public: str) -> lab.Machine:
+def _boot_machine(ground: lab.Lab, inventory: Inventory, host: Host, root: Path, public: str) -> lab.Machine:
     device, lan = host.device, inventory.sites[host.site].lan
     assert isinstance(device, model.SshHost)  # noqa: S101 - `is_computer` has said so
     interface = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
-    machine = ground.start(host.name, root, address=str(interface), gateway=str(lan.gateway), keys=(public,))
+    gateway = str(lan.gateway)
+    return ground.start(host.name, root, address=str(interface), gateway=gateway, keys=(public,), wait_s=None)
+
+
+def _prepare_machine(machine: lab.Machine, device: model.Model) -> None:
+    """Wait until a machine accepts SSH, and let chrony and the services start in it."""
+    machine.wait_until_up()
     if not isinstance(device, model.ServerComputer):
-        return machine
+        return
     machine.put("/etc/systemd/system/chrony.service.d/rehearsal.conf", "[Unit]\nConditionCapability=\n")
     machine.put("/etc/default/chrony", 'DAEMON_OPTS="-F 1 -x"\n')
     machine.run("systemctl daemon-reload")
     for service, program in _service_programs(device):
         machine.put(program.path, stubs.service_program(service.transport.value, service.port or 0), mode="0755")
-    return machine
 
 
 def _provide_images(machine: lab.Machine, device: model.Model, root: Path) -> dict[str, str]:

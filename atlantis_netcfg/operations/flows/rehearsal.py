@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections import defaultdict
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Host, Inventory
 
 _STATES = TypeAdapter(NetworkState)
+_AT_ONCE = 4
+"""Links whose flows are tried at the same time: most of it is waiting for packets that must not come."""
 _MOST = 20
 """Differences in the result of a router; more have the same cause."""
 
@@ -33,14 +38,17 @@ def routers_of(hosts: Iterable[Host]) -> list[Host]:
 
 def try_flows(inventory: Inventory, routers: Sequence[Host], emulators: SpawnedSite) -> dict[str, dict[str, Any]]:
     """Return by router what became of its flows, as fields of its result. Raises MachineError."""
-    results: dict[str, dict[str, Any]] = {}
-    with lab.reserve_name() as name:
+    states = {host.name: _STATES.validate_python(emulators.do(host.name, "network")) for host in routers}
+    tries: dict[str, list[Future[matrix.MatrixResult]]] = defaultdict(list)
+    numbers = itertools.count()
+    with lab.reserve_name() as name, ThreadPoolExecutor(_AT_ONCE) as pool:
         for host in routers:
-            state = _STATES.validate_python(emulators.do(host.name, "network"))
-            links = inventory.sites[host.site].bearers
-            tries = [_try_link(inventory, host, link, f"{name}-{number}", state) for number, link in enumerate(links)]
-            results[host.name] = _fields(tries, state.limits)
-    return results
+            for link in inventory.sites[host.site].bearers:
+                place = f"{name}-{next(numbers)}"
+                tries[host.name].append(pool.submit(_try_link, inventory, host, link, place, states[host.name]))
+    return {
+        host.name: _fields([each.result() for each in tries[host.name]], states[host.name].limits) for host in routers
+    }
 
 
 def limits(results: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import itertools
 import json
-import time
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.messages import arg, join, msg
@@ -100,11 +100,10 @@ def link_in_use(pilot: PilotRehearsal, host: Host) -> str | None:
 
 def _move(pilot: PilotRehearsal, host: Host, move: LinkMove) -> LinkMove:
     """Move the router's clock forward until the right link is in use, or the time is over."""
-    begin, skipped_s, took_s = time.monotonic(), 0.0, 0.0
+    wait = partial(pilot.rehearsal.emulators.do, host.name, "wait")
+    begin_s, took_s = wait(seconds=0.0), 0.0
     while (active := link_in_use(pilot, host)) != move.after and took_s < move.limit_s:
-        pilot.rehearsal.emulators.do(host.name, "wait", seconds=_STEP_S)
-        skipped_s += _STEP_S
-        took_s = skipped_s + time.monotonic() - begin
+        took_s = wait(seconds=_STEP_S) - begin_s
     return replace(move, active=active, took_s=took_s)
 
 

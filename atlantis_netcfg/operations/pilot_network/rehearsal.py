@@ -15,6 +15,7 @@ from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator.routeros.dataplane import tunnel
 from atlantis_netcfg.inventory import model
+from atlantis_netcfg.operations.common.session_link import LAN
 from atlantis_netcfg.operations.pilot_network.network import PilotNetwork, open_network
 from atlantis_netcfg.operations.vpn.router import enrol_routers
 from atlantis_netcfg.vpn.client import SERVICE
@@ -65,6 +66,8 @@ def join_sites(
     Raises MachineError if this computer cannot do it, DeviceError if a router refuses its identity.
     """
     routers = tuple(host for host in hosts if isinstance(host.device, model.Router))
+    for host in hosts:
+        rehearsal.relink(inventory, host, LAN.name)  # the technician is there; the sites' own links are real packets
     if inventory.pilot.vpn.server in rehearsal.computers.machines:
         enrol_routers(inventory, rehearsal, routers, request)
     with ExitStack() as stack, temporary.folder("tunnels") as folder:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import math
-import queue
 import subprocess
 import sys
 import threading
@@ -39,7 +38,8 @@ class RobotProcess:
     """One of the two programs in a namespace, and the lines that it prints."""
 
     def __init__(self, namespace: str, role: str, arguments: dict[str, Any]) -> None:
-        self.lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._last_heard_s: dict[str, float] = {}
+        self._arrival = threading.Condition()
         words = (sys.executable, "-P", "-m", __name__, role, json.dumps(arguments))
         self._process = subprocess.Popen(  # noqa: S603 - our interpreter and our module
             ("ip", "netns", "exec", namespace, *words),  # noqa: S607 - a program of the system
@@ -59,23 +59,18 @@ class RobotProcess:
         self._reader.join()
 
     def wait_for(self, host: str, timeout_s: float) -> bool:
-        """Return whether the robot at a host is heard from now on, within `timeout_s`."""
-        while not self.lines.empty():
-            self.lines.get()
-        end = time.monotonic() + timeout_s
-        while (rest_s := end - time.monotonic()) > 0:
-            try:
-                if self.lines.get(timeout=rest_s) == host:
-                    return True
-            except queue.Empty:
-                break
-        return False
+        """Return whether the robot at a host is heard from now on, within `timeout_s`; any thread may wait."""
+        begin = time.monotonic()
+        with self._arrival:
+            return self._arrival.wait_for(lambda: self._last_heard_s.get(host, begin) > begin, timeout_s)
 
     def _read(self) -> None:
         assert self._process.stdout is not None  # noqa: S101 - it is a pipe
         with self._process.stdout as lines:
             for line in lines:
-                self.lines.put(line.strip())
+                with self._arrival:
+                    self._last_heard_s[line.strip()] = time.monotonic()
+                    self._arrival.notify_all()
 
 
 @contextmanager

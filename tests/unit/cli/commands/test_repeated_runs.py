@@ -1,12 +1,17 @@
-"""Runs that are repeated, not resumed."""
+"""Runs that are repeated, not resumed, and those that repeat a rehearsal."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from atlantis_netcfg.cli.base import rehearsal
 from atlantis_netcfg.cli.base.output import as_typed
 from atlantis_netcfg.cli.recovery.resume import _refuse_others, _refuse_settled
+from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import NoMatchError, UsageError
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.runs import Outcome, Purpose, Run, RunResume, RunStart, Store
 
 
@@ -76,3 +81,19 @@ def test_resume_covers_every_unfinished_device(tmp_path: Path) -> None:
     run = Store(tmp_path).run("quay", journal.run)
     assert run.unsettled_devices == ("open",)
     assert run.undone == ("open", "never reached", "taken back")
+
+
+def test_every_device_is_repeated_once_over_each_link_of_its_site() -> None:
+    inventory = load(paths.resource("inventory"))
+    names = ("scc-router", "coastal-router", "coastal-gateway", "te4sea-router", "te4sea-4g")
+    hosts = [inventory.hosts[name] for name in names]
+    session: Any = SimpleNamespace(inventory=inventory, hosts=hosts, contacted_hosts=hosts[:-1])
+    rounds = rehearsal._rounds(session)
+    for name, links in (
+        ("scc-router", ["lan", "uplink"]),
+        ("coastal-gateway", ["lan", "wifi-ptp", "4g", "satellite"]),
+        ("te4sea-4g", ["lan", "4g", "satellite"]),
+    ):
+        assert [each[name] for each in rounds if name in each] == links
+    assert rounds[0] == dict.fromkeys(("coastal-router", "coastal-gateway"), "lan")
+    assert set(rounds[-1].values()) == {"uplink", "satellite"}, "the slowest links side by side"

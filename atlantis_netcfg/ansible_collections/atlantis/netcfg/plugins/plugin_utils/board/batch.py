@@ -7,11 +7,12 @@ and all later ones separately. A request that is itself in check mode changes no
 
 from __future__ import annotations
 
+import importlib
 import json
-import subprocess
+import os
 import sys
 import zlib
-from typing import Any
+from typing import Any, Callable, NoReturn
 
 from ansible.module_utils.basic import MARK, tell_result
 
@@ -34,12 +35,26 @@ def main() -> None:
 
 
 def _run(request: dict[str, Any]) -> dict[str, Any]:
-    """Run one module as a separate program; one that prints no result has failed."""
-    words = [sys.executable, "-I", sys.argv[0], request["name"]]
-    data = zlib.compress(json.dumps(request).encode())
-    process = subprocess.run(  # noqa: S603 - this very program
-        words, input=data, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=False
-    )
-    lines = process.stdout.decode("utf-8", "replace").split("\n")
+    """Run one module in a child of this process, so that it is compiled once; one that prints no result has failed."""
+    module = importlib.import_module(f"atlantis.modules.{request['name']}")
+    with os.fdopen(os.memfd_create("request"), "w+b") as given, os.fdopen(os.memfd_create("answer"), "w+b") as output:
+        given.write(zlib.compress(json.dumps(request).encode()))
+        given.seek(0)
+        child = os.fork()
+        if child == 0:
+            _run_child(module.main, [given.fileno(), output.fileno(), os.open(os.devnull, os.O_WRONLY)])
+        os.waitpid(child, 0)
+        output.seek(0)
+        lines = output.read().decode("utf-8", "replace").split("\n")
     text = next((line[len(MARK) :] for line in reversed(lines) if line.startswith(MARK)), None)
     return {"failed": True} if text is None else {"failed": False, **json.loads(text)}
+
+
+def _run_child(main: Callable[[], None], streams: list[int]) -> NoReturn:
+    """Run a module with these files as its standard input, output and errors, and exit."""
+    try:
+        for number, stream in enumerate(streams):
+            os.dup2(stream, number)
+        main()
+    finally:
+        os._exit(0)
