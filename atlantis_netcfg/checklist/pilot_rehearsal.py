@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.checklist.probes.site_checks import data_reaches
@@ -15,6 +16,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.pilot_network import link_cuts, robot
+from atlantis_netcfg.operations.pilot_network.allow_list import prove_allow_list
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Host
@@ -127,7 +129,8 @@ def _run_checklist(
     computer = pilot.inventory.computer_of(site)
     if computer is None:
         return
-    outcome = check_site(pilot.inventory, site, pilot.rehearsal, notify, has_real_tunnels=True)
+    prove = partial(prove_allow_list, pilot)
+    outcome = check_site(pilot.inventory, site, pilot.rehearsal, notify, has_real_tunnels=True, prove=prove)
     problems = [msg(f"{arg(item.verdict)}: {arg(item.id)}: {arg(item.message)}") for item in outcome.problems]
     fields[computer.name]["checklist"] = {**outcome.as_dict(), "differences": problems}
     if any(item.verdict in {Verdict.FAIL, Verdict.ERROR} for item in outcome.problems):

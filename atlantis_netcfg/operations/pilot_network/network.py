@@ -92,6 +92,15 @@ class PilotNetwork:
         self._ip(namespace, f"route add default via {lan.gateway}")
         return namespace
 
+    @contextmanager
+    def guest(self, router: Host, address: IPv4Address) -> Iterator[str]:
+        """Plug a computer into a router's LAN; yield its namespace. Raises MachineError."""
+        namespace = self.add_host(router, f"h{self._count}", address)
+        try:
+            yield namespace
+        finally:
+            hosts.delete_namespace(namespace)
+
     # --- construction ----------------------------------------------------------------------------------------------
 
     def build(self, routers: Sequence[Host], attach: Callable[[Host, str], None], replay: Replay | None) -> None:

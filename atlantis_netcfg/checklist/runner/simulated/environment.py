@@ -31,6 +31,7 @@ from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.emulator import acoustic, gnss
 from atlantis_netcfg.emulator.linux import NOT_FOUND, Computer
 from atlantis_netcfg.emulator.mavlink import RunningAutopilot
+from atlantis_netcfg.operations.allow_list_test.site import try_out
 from atlantis_netcfg.operations.common.request import Mode, Request
 
 if TYPE_CHECKING:
@@ -264,10 +265,12 @@ def rehearsed_ears(
     broken: Sequence[str] = (),
     *,
     has_real_tunnels: bool = False,
+    prove: _real.RunProof = try_out,
 ) -> Iterator[RehearsedTransport]:
     """Provide the `ProbeTransport` of a site with only the faults `broken` (names of `FAULTS`), routers configured.
 
     `has_real_tunnels`: the routers' tunnels are real, so their state is left as it is.
+    `prove`: runs the test of a satellite's allow-list.
     """
     world = _world.healthy(inventory, site)
     for around in world.routers.values() if has_real_tunnels else ():
@@ -278,7 +281,7 @@ def rehearsed_ears(
     with _routers(inventory, world, rehearsal), start_emulators(world) as stands:
         computer = None if world.computer is None else Computer(world.computer)
         yield RehearsedTransport(
-            _real.RealTransport(inventory, site, request, ignore),
+            _real.RealTransport(inventory, site, request, ignore, prove=prove),
             computer,
             stands,
             site,
