@@ -15,7 +15,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.operations.pilot_network import link_cuts, robot
+from atlantis_netcfg.operations.pilot_network import link_cuts, link_use, robot
 from atlantis_netcfg.operations.pilot_network.allow_list import prove_allow_list
 
 if TYPE_CHECKING:
@@ -62,7 +62,9 @@ def try_sites(pilot: PilotRehearsal, notify: events.Subscriber = events.ignore) 
 
             cuts = link_cuts.cut_links(pilot, host, visit)
             if cuts.moves:
-                _add(fields[host.name], "link_cuts", cuts.words, cuts.differences)
+                uses = link_use.use_links(pilot, host)
+                words, differences = join("; ", (cuts.words, uses.words)), [*cuts.differences, *uses.differences]
+                _add(fields[host.name], "link_cuts", words, differences)
             if sender is not None and (data.messages or data.differences):
                 _add(fields[sender.name], "data", data.words, data.differences)
                 fields[sender.name]["data"]["messages"] = data.messages

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.pilot_network.rehearsal import PilotRehearsal
 
-_PACE: Final = ProofPace(window_s=12.0, every_s=2.0)
+_PACE: Final = ProofPace(window_s=10.0, every_s=2.0)
 """In real seconds; longer than the one TCP connection that a refused target has. Silence proves nothing so soon."""
 
 
@@ -31,9 +31,7 @@ def prove_allow_list(
     Raises as `try_out`, and MachineError.
     """
     vpn, source = inventory.pilot.vpn, inventory.sites[router.site].lan.dhcp.last
-    identity = identity_for(
-        inventory, router, request.model_copy(update={**pilot.rehearsal.request_fields, "rehearsed": True})
-    )
+    identity = identity_for(inventory, router, pilot.request)
     far_end = str(vpn.endpoint), vpn.port
     with ExitStack() as stack:
         sockets = hosts.NamespaceSockets(stack.enter_context(pilot.network.guest(router, source)))

@@ -258,7 +258,7 @@ def _autopilot(stack: ExitStack, autopilot: _world.Autopilot) -> EmulatorEndpoin
 
 
 @contextmanager
-def rehearsed_ears(
+def rehearsed_ears(  # noqa: PLR0913 - what is checked, and how much of it is real
     inventory: Inventory,
     site: str,
     rehearsal: Rehearsal,
