@@ -6,6 +6,7 @@ from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.checklist.probes.site_checks import data_reaches
@@ -15,7 +16,8 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.messages import arg, conjunction, join, msg
 from atlantis_netcfg.inventory import model
-from atlantis_netcfg.operations.pilot_network import link_cuts, robot
+from atlantis_netcfg.operations.pilot_network import link_cuts, link_use, robot
+from atlantis_netcfg.operations.pilot_network.allow_list import prove_allow_list
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Host
@@ -73,7 +75,9 @@ def _try_links(pilot: PilotRehearsal, host: Host, listener: robot.RobotProcess |
 
     cuts = link_cuts.cut_links(pilot, host, visit)
     if cuts.moves:
-        _add(fields[host.name], "link_cuts", cuts.words, cuts.differences)
+        uses = link_use.use_links(pilot, host)
+        words, differences = join("; ", (cuts.words, uses.words)), [*cuts.differences, *uses.differences]
+        _add(fields[host.name], "link_cuts", words, differences)
     if sender is not None and (data.messages or data.differences):
         _add(fields[sender.name], "data", data.words, data.differences)
         fields[sender.name]["data"]["messages"] = data.messages
@@ -138,7 +142,8 @@ def _run_checklist(
     computer = pilot.inventory.computer_of(site)
     if computer is None:
         return
-    outcome = check_site(pilot.inventory, site, pilot.rehearsal, notify, has_real_tunnels=True)
+    prove = partial(prove_allow_list, pilot)
+    outcome = check_site(pilot.inventory, site, pilot.rehearsal, notify, has_real_tunnels=True, prove=prove)
     problems = [msg(f"{arg(item.verdict)}: {arg(item.id)}: {arg(item.message)}") for item in outcome.problems]
     fields[computer.name]["checklist"] = {**outcome.as_dict(), "differences": problems}
     if any(item.verdict in {Verdict.FAIL, Verdict.ERROR} for item in outcome.problems):

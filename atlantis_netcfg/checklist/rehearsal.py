@@ -16,11 +16,13 @@ from atlantis_netcfg.core import events
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
+from atlantis_netcfg.operations.allow_list_test.site import try_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from atlantis_netcfg.checklist import PlanEntry
+    from atlantis_netcfg.checklist.runner._real import RunProof
     from atlantis_netcfg.inventory import Inventory
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
@@ -82,12 +84,13 @@ def check_site(  # noqa: PLR0913 - what is checked, and how much of it is real
     notify: events.Subscriber = events.ignore,
     *,
     has_real_tunnels: bool = False,
+    prove: RunProof = try_out,
     step: str | None = None,
 ) -> CheckOutcome:
     """Check all items of a site with configured routers that need no person, except recovery and missions.
 
     `has_real_tunnels`: the routers' tunnels are real, so their state is left as it is. `step`: only items of this name.
-    Raises NoMatchError.
+    `prove`: runs the test of a satellite's allow-list. Raises NoMatchError.
     """
     entries = [entry for entry in plan(inventory, site).entries if step in {None, entry.step.name}]
     todo = [entry for entry in entries if entry.step.probe is not None and not entry.step.unless]
@@ -95,7 +98,7 @@ def check_site(  # noqa: PLR0913 - what is checked, and how much of it is real
     def settle(item: report.Item) -> None:
         notify(events.Event(item.id, events.Stage.DONE, msg(f"{arg(item.verdict)}: {arg(item.message)}")))
 
-    with rehearsed_ears(inventory, site, rehearsal, has_real_tunnels=has_real_tunnels) as ears:
+    with rehearsed_ears(inventory, site, rehearsal, has_real_tunnels=has_real_tunnels, prove=prove) as ears:
         items = asyncio.run(examine(todo, ears, settle))
     by_item: dict[str, tuple[str, ...]] = {}
     if machine_of(inventory, site, rehearsal) is not None:

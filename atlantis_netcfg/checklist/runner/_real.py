@@ -36,8 +36,10 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
     from atlantis_netcfg.inventory import Host, Inventory
-    from atlantis_netcfg.operations.allow_list_test.prove import Proving
+    from atlantis_netcfg.operations.allow_list_test.prove import Proof, Proving
     from atlantis_netcfg.routeros.api import Reply
+
+    RunProof = Callable[[Inventory, Host, Request, Proving], Proof]
 
 
 @dataclass(slots=True)
@@ -169,6 +171,7 @@ class Routers:
     site: str
     request: Request
     notify: events.Subscriber
+    prove: RunProof = try_out
 
     async def ask(self, name: str, questions: results.Questions) -> Mapping[str, probes.Answer]:
         """Run all requests to one device in one session of two round trips."""
@@ -244,7 +247,7 @@ class Routers:
         proving.notify = self.notify
         self._pay(proving)
         began = time.monotonic()
-        proof = await asyncio.to_thread(try_out, self.inventory, satellite.router, self._drift_request, proving)
+        proof = await asyncio.to_thread(self.prove, self.inventory, satellite.router, self._drift_request, proving)
         seconds = time.monotonic() - began
         bill = bills(self.inventory, proof, seconds)[question.link]
         findings = (finding for _, finding in proof.results)
@@ -304,6 +307,8 @@ class RealTransport:
     notify: events.Subscriber = events.ignore
     ssh_config: str | None = None
     """OpenSSH configuration file that says how to reach the gateway's name, instead of the declared address."""
+    prove: RunProof = try_out
+    """Runs the test of a satellite's allow-list."""
 
     async def ask(
         self, place: probes.Place, host: str | None, questions: results.Questions, result: results.OnAnswer
@@ -337,7 +342,7 @@ class RealTransport:
                 return results.all_unanswered(questions, msg(f"{arg(self.site)} has no gateway computer"))
             return await ask_gateway(self.inventory, gateway, self.request, questions, result, self.ssh_config)
         refuse_examples(self.inventory, is_rehearsal=self.request.rehearsed)
-        routers = Routers(self.inventory, self.site, self.request, self.notify)
+        routers = Routers(self.inventory, self.site, self.request, self.notify, self.prove)
         return await (routers.links(questions, result) if host is None else routers.ask(host, questions))
 
     async def _ask_here(self, questions: results.Questions, result: results.OnAnswer) -> Mapping[str, probes.Answer]:

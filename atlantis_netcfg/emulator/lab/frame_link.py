@@ -21,6 +21,8 @@ from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.udp_link import LinkModel
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from atlantis_netcfg.emulator.udp_link import LinkShape
 
 _TUNSETIFF: Final = 0x400454CA
@@ -39,6 +41,8 @@ class FrameLink:
         self.ends = ends
         self.is_up = True
         """False: every frame is lost, and neither end notices."""
+        self.watch: Callable[[bytes], object] | None = None
+        """Called with each frame that is sent from the first end."""
         self.up, self.down = (LinkModel(shape, random.Random(seed + place)) for place, shape in enumerate(shapes))  # noqa: S311 - an emulation
 
     def model(self, end: int) -> LinkModel:
@@ -105,6 +109,8 @@ class FrameRelay:
                 frame = os.read(end, _LONGEST)
             except OSError:  # nothing is left, or the device is down
                 return
+            if link.watch is not None and end == link.ends[0]:
+                link.watch(frame)
             if link.is_up:
                 for arrival in link.model(end).offer(len(frame) - _ETHERNET, time.monotonic() - self._begin):
                     self._count += 1

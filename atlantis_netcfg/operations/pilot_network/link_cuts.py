@@ -13,6 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.messages import arg, join, msg
+from atlantis_netcfg.operations.pilot_network import link_watch
 from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.routeros.render._links import WATCH_S
 
@@ -55,19 +56,24 @@ class LinkMove:
 
 @dataclass(slots=True)
 class LinkCuts:
-    """The moves of one site's traffic."""
+    """The moves of one site's traffic, and what its satellites carried meanwhile."""
 
     moves: list[LinkMove] = field(default_factory=list)
+    satellites: list[str] = field(default_factory=list)
+    """Those that have carried only what their allow-lists have, one line each."""
+    problems: list[str] = field(default_factory=list)
+    """What satellites have carried besides, or have not carried, one line each."""
 
     @property
     def differences(self) -> list[str]:
-        """Moves that were not as declared, one line each."""
-        return [str(move) for move in self.moves if not move.is_in_time]
+        """What was not as declared, one line each."""
+        return [*(str(move) for move in self.moves if not move.is_in_time), *self.problems]
 
     @property
     def words(self) -> str:
-        """One line for people about the moves that were as declared."""
-        return msg(f"traffic moved by itself when links were cut: {arg(join(', ', map(str, self.moves)))}")
+        """One line for people about what was as declared."""
+        moves = msg(f"traffic moved by itself when links were cut: {arg(join(', ', map(str, self.moves)))}")
+        return join("; ", (moves, *self.satellites))
 
 
 def cut_links(pilot: PilotRehearsal, host: Host, visit: Callable[[str], None]) -> LinkCuts:
@@ -75,18 +81,36 @@ def cut_links(pilot: PilotRehearsal, host: Host, visit: Callable[[str], None]) -
     links = pilot.inventory.sites[host.site].bearers
     result = LinkCuts()
     first = links[0]
-    _move(pilot, host, LinkMove("", first.name, _return_s(pilot, host, first)))
-    visit(first.name)
+    follow_traffic(pilot, host, LinkMove("", first.name, _return_s(pilot, host, first)))
+    _visit(pilot, host, first, visit, result)
     for link, following in itertools.pairwise(links):
         pilot.network.links[host.site, link.name].is_up = False
-        result.moves.append(_move(pilot, host, LinkMove(link.name, following.name, _leave_s(pilot, host, link))))
-        visit(following.name)
+        result.moves.append(
+            follow_traffic(pilot, host, LinkMove(link.name, following.name, _leave_s(pilot, host, link)))
+        )
+        _visit(pilot, host, following, visit, result)
     for link in links:
         pilot.network.links[host.site, link.name].is_up = True
     if len(links) > 1:
         back = LinkMove(links[-1].name, first.name, _return_s(pilot, host, first))
-        result.moves.append(_move(pilot, host, back))
+        result.moves.append(follow_traffic(pilot, host, back))
     return result
+
+
+def _visit(pilot: PilotRehearsal, host: Host, link: model.Link, visit: Callable[[str], None], result: LinkCuts) -> None:
+    """Visit a link; of a satellite all packets are compared with its allow-list, among them attempts to break it."""
+    if not link.kind.traits.allow_list:
+        visit(link.name)
+        return
+    with link_watch.watch_link(pilot.network.links[host.site, link.name]) as watch:
+        attempts = link_watch.send_strangers(pilot.network, host, link)
+        visit(link.name)
+        is_carried = link_watch.sees_probe(watch, pilot.network, host)
+    problems = [*watch.strangers(pilot.inventory.pilot, link), *([] if is_carried else [link_watch.no_probe(link)])]
+    result.problems += problems
+    if not problems:
+        summary = msg(f"{arg(link.name)} carried {arg(watch.counts.total())} packets, all of them allowed")
+        result.satellites.append(msg(f"{arg(summary)}, and none of {arg(attempts)} others"))
 
 
 def link_in_use(pilot: PilotRehearsal, host: Host) -> str | None:
@@ -98,7 +122,7 @@ def link_in_use(pilot: PilotRehearsal, host: Host) -> str | None:
     return None if best is None else ports.get(best["dev"])
 
 
-def _move(pilot: PilotRehearsal, host: Host, move: LinkMove) -> LinkMove:
+def follow_traffic(pilot: PilotRehearsal, host: Host, move: LinkMove) -> LinkMove:
     """Move the router's clock forward until the right link is in use, or the time is over."""
     wait = partial(pilot.rehearsal.emulators.do, host.name, "wait")
     begin_s, took_s = wait(seconds=0.0), 0.0

@@ -92,6 +92,15 @@ class PilotNetwork:
         self._ip(namespace, f"route add default via {lan.gateway}")
         return namespace
 
+    @contextmanager
+    def guest(self, router: Host, address: IPv4Address) -> Iterator[str]:
+        """Plug a computer into a router's LAN; yield its namespace. Raises MachineError."""
+        namespace = self.add_host(router, f"h{self._count}", address)
+        try:
+            yield namespace
+        finally:
+            hosts.delete_namespace(namespace)
+
     # --- construction ----------------------------------------------------------------------------------------------
 
     def build(self, routers: Sequence[Host], attach: Callable[[Host, str], None], replay: Replay | None) -> None:
@@ -99,7 +108,7 @@ class PilotNetwork:
         relay = FrameRelay()
         self._stack.callback(relay.close)
         internet = self._add(_INTERNET)
-        self._ip(internet, *(f"address add {address}/32 dev lo" for address in self._servers()))
+        self._ip(internet, *(f"address add {address}/32 dev lo" for address in self.servers))
         for host in routers:
             self.routers[host.name] = self._add(f"r{len(self.routers)}", forwards=False)
             attach(host, self.routers[host.name])
@@ -109,8 +118,9 @@ class PilotNetwork:
         for server in self.inventory.pilot.time_servers:
             self._stack.enter_context(SntpResponder(internet, str(server.address)))
 
-    def _servers(self) -> list[IPv4Address]:
-        """Return the addresses of the internet that answer: probe targets, time servers, and refused ones."""
+    @property
+    def servers(self) -> list[IPv4Address]:
+        """The addresses of the internet that answer: probe targets, time servers, and refused ones."""
         links = [link for site in self.inventory.sites.values() for link in site.bearers]
         probes = [
             address for link in links for address in (*link.canaries, *(each.address for each in link.refused_probes))

@@ -43,6 +43,8 @@ class PilotRehearsal:
     rehearsal: Rehearsal
     network: PilotNetwork
     routers: tuple[Host, ...]
+    request: Request
+    """For the emulated devices."""
     silent: dict[str, str] = field(default_factory=dict)
     """Computers and routers whose tunnel is not up, and why."""
 
@@ -70,6 +72,7 @@ def join_sites(
         rehearsal.relink(inventory, host, LAN.name)  # the technician is there; the sites' own links are real packets
     if inventory.pilot.vpn.server in rehearsal.computers.machines:
         enrol_routers(inventory, rehearsal, routers, request)
+    request = request.model_copy(update={**rehearsal.request_fields, "rehearsed": True, "accept_cost": True})
     with ExitStack() as stack, temporary.folder("tunnels") as folder:
 
         def attach(host: Host, namespace: str | None) -> None:
@@ -78,7 +81,7 @@ def join_sites(
         network = stack.enter_context(open_network(inventory, routers, attach, rehearsal.replay))
         for host in routers:
             stack.callback(attach, host, None)
-        pilot = PilotRehearsal(inventory, rehearsal, network, routers)
+        pilot = PilotRehearsal(inventory, rehearsal, network, routers, request)
         for host in routers:
             for machine in pilot.machines(host.site).values():
                 network.plug_in(machine, host)

@@ -31,6 +31,7 @@ from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.emulator import acoustic, gnss
 from atlantis_netcfg.emulator.linux import NOT_FOUND, Computer
 from atlantis_netcfg.emulator.mavlink import RunningAutopilot
+from atlantis_netcfg.operations.allow_list_test.site import try_out
 from atlantis_netcfg.operations.common.request import Mode, Request
 
 if TYPE_CHECKING:
@@ -257,17 +258,19 @@ def _autopilot(stack: ExitStack, autopilot: _world.Autopilot) -> EmulatorEndpoin
 
 
 @contextmanager
-def rehearsed_ears(
+def rehearsed_ears(  # noqa: PLR0913 - what is checked, and how much of it is real
     inventory: Inventory,
     site: str,
     rehearsal: Rehearsal,
     broken: Sequence[str] = (),
     *,
     has_real_tunnels: bool = False,
+    prove: _real.RunProof = try_out,
 ) -> Iterator[RehearsedTransport]:
     """Provide the `ProbeTransport` of a site with only the faults `broken` (names of `FAULTS`), routers configured.
 
     `has_real_tunnels`: the routers' tunnels are real, so their state is left as it is.
+    `prove`: runs the test of a satellite's allow-list.
     """
     world = _world.healthy(inventory, site)
     for around in world.routers.values() if has_real_tunnels else ():
@@ -278,7 +281,7 @@ def rehearsed_ears(
     with _routers(inventory, world, rehearsal), start_emulators(world) as stands:
         computer = None if world.computer is None else Computer(world.computer)
         yield RehearsedTransport(
-            _real.RealTransport(inventory, site, request, ignore),
+            _real.RealTransport(inventory, site, request, ignore, prove=prove),
             computer,
             stands,
             site,

@@ -269,6 +269,8 @@ class LiveNetwork:
 
 
 def _is_ready(each: socket.socket, end: float, *, is_reading: bool) -> bool:
+    if each.fileno() < 0:  # the router was detached while a probe of it was open
+        return False
     readers, writers = ([each], []) if is_reading else ([], [each])
     return any(select.select(readers, writers, [], max(0.0, end - time.monotonic())))
 

@@ -10,11 +10,13 @@ from ipaddress import IPv4Address
 
 import pytest
 from flows_bench import SITES, inventory, rows
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.lab.hosts import MachineError, NamespaceSockets
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import RouterNamespace
 from atlantis_netcfg.inventory import Host
 from atlantis_netcfg.operations.flows.intent import RouterIntent
+from atlantis_netcfg.operations.pilot_network import link_watch
 from atlantis_netcfg.operations.pilot_network.network import PilotNetwork, open_network
 
 pytestmark = [
@@ -24,6 +26,8 @@ pytestmark = [
 DECLARED = inventory()
 COASTAL = DECLARED.hosts["coastal-router"]
 TIME_SERVER = str(DECLARED.pilot.time_servers[0].address)
+SATELLITE = next(link for link in DECLARED.sites["coastal"].bearers if link.kind.traits.allow_list)
+CHECKED_OVER_ONE_LINK = {address for link in DECLARED.sites["coastal"].bearers for address in link.canaries}
 
 
 class Stand:
@@ -128,3 +132,38 @@ def _ask_time(stand: Stand) -> float:
     client.close()
     inside.close()
     return took_s
+
+
+def test_a_satellite_carries_only_what_its_allow_list_has(stand: Stand) -> None:
+    stand.use(COASTAL, SATELLITE.name)
+    with link_watch.watch_link(stand.network.links["coastal", SATELLITE.name]) as watch:
+        assert link_watch.send_strangers(stand.network, COASTAL, SATELLITE) > 2 * len(stand.network.servers)
+        _ask_time(stand)
+    assert set(watch.counts) == {link_watch.Destination("udp", IPv4Address(TIME_SERVER), 123)}
+    assert watch.strangers(DECLARED.pilot, SATELLITE) == []
+
+
+def test_what_the_allow_list_lacks_is_reported_when_a_link_carries_it(stand: Stand) -> None:
+    stand.use(COASTAL, "4g")
+    mobile = next(link for link in DECLARED.sites["coastal"].bearers if link.name == "4g")
+    strangers = {
+        link_watch.Destination(protocol, address, 53)
+        for address in stand.network.servers
+        for protocol in ("tcp", "udp")
+        if address not in CHECKED_OVER_ONE_LINK
+    }
+    with link_watch.watch_link(stand.network.links["coastal", "4g"]) as watch:
+        link_watch.send_strangers(stand.network, COASTAL, mobile)
+        end = time.monotonic() + HANG_S
+        while not strangers <= set(watch.counts) and time.monotonic() < end:
+            time.sleep(0.02)
+    assert strangers - set(watch.counts) == set()
+    lines = watch.strangers(DECLARED.pilot, SATELLITE)
+    assert all(any(line.endswith(f" to {stranger}") for line in lines) for stranger in strangers)
+
+
+def test_a_probe_is_seen_on_the_link_in_use_alone(stand: Stand) -> None:
+    stand.use(COASTAL, SATELLITE.name)
+    for name, is_in_use in ((SATELLITE.name, True), ("4g", False)):
+        with link_watch.watch_link(stand.network.links["coastal", name]) as watch:
+            assert link_watch.sees_probe(watch, stand.network, COASTAL) is is_in_use

@@ -6,7 +6,7 @@ import socket
 from collections.abc import Iterator
 
 import pytest
-from live_stage import STRANGER, TIME_SERVER, LiveStage, live_site
+from live_stage import PROBE_TARGETS, STRANGER, TIME_SERVER, LiveStage, live_site
 from waiting import wait_until
 
 from atlantis_netcfg.core.errors import NetcfgError
@@ -139,6 +139,17 @@ def test_router_that_is_attached_again_goes_on(stage: LiveStage) -> None:
     for again in ("attach", "restart"):
         stage.do(again, **({"namespace": stage.name("router")} if again == "attach" else {}))
         assert ping(stage, STRANGER, "=count=1")[0]["received"] == "1"
+
+
+def test_router_that_is_detached_drops_the_probes_that_wait_for_a_response(stage: LiveStage) -> None:
+    stage.silence("wifi-ptp", *PROBE_TARGETS["wifi-ptp"])
+    for _ in range(10):  # one of these moments is within the timeout of a probe
+        stage.wait(1)
+        stage.do("attach", namespace=None)
+        stage.wait(2)
+        stage.do("attach", namespace=stage.name("router"))
+    stage.silence("wifi-ptp")
+    assert ping(stage, STRANGER, "=count=1")[0]["received"] == "1"
 
 
 def test_counters_begin_at_zero_after_a_reboot(stage: LiveStage) -> None:
