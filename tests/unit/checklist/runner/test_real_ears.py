@@ -338,9 +338,9 @@ def proof() -> Proof:
 def test_allow_list_test_needs_consent_to_its_cost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, accepted: bool
 ) -> None:
-    monkeypatch.setattr(_real, "try_out", lambda *_: proof())
     monkeypatch.setattr("atlantis_netcfg.checklist.runner._real.refuse_examples", lambda *_, **__: None)
-    ears = RealTransport(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
+    request = Request(state=tmp_path, accept_cost=accepted, command="provision check")
+    ears = RealTransport(SHIPPED, "coastal", request, prove=lambda *_: proof())
     found = asyncio.run(
         ears.ask(probes.Place.ROUTER, None, [("it", probes.AllowListTestRequest("it", "satellite"))], lambda *_: None)
     )["it"]
