@@ -78,10 +78,20 @@ def _try_links(pilot: PilotRehearsal, host: Host, listener: robot.RobotProcess |
         uses = link_use.use_links(pilot, host)
         words, differences = join("; ", (cuts.words, uses.words)), [*cuts.differences, *uses.differences]
         _add(fields[host.name], "link_cuts", words, differences)
+        _wait_for_robot(pilot, host.site, sender, listener)
     if sender is not None and (data.messages or data.differences):
         _add(fields[sender.name], "data", data.words, data.differences)
         fields[sender.name]["data"]["messages"] = data.messages
     return fields
+
+
+def _wait_for_robot(pilot: PilotRehearsal, site: str, sender: Host | None, listener: robot.RobotProcess | None) -> None:
+    """Wait for TEST_ROBOT over the first link: the tunnel has to have moved there before the checklists begin."""
+    dds, first = pilot.inventory.pilot.dds, pilot.inventory.sites[site].bearers[0]
+    if listener is None or dds is None or sender is None or not isinstance(sender.device, model.Gateway):
+        return
+    if first.carries(dds):
+        listener.wait_for(sender.name, _HEARD_S)
 
 
 def _add(result: dict[str, Any], name: str, words: str, differences: list[str]) -> None:

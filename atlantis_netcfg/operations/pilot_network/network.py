@@ -8,6 +8,7 @@ A router's namespace is kept at its rows by whoever emulates the router; here ar
 
 from __future__ import annotations
 
+import itertools
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from ipaddress import IPv4Address, IPv4Network
@@ -57,7 +58,12 @@ class PilotNetwork:
     links: dict[SiteLink, FrameLink] = field(default_factory=dict)
     """First end: the router whose link it is."""
     _stack: ExitStack = field(default_factory=ExitStack)
-    _count: int = 0
+    _backbone: Iterator[tuple[IPv4Address, IPv4Address]] = field(
+        default_factory=lambda: ((subnet[1], subnet[2]) for subnet in _BACKBONE.subnets(new_prefix=30))
+    )
+    """Addresses of both ends of each link to the internet."""
+    _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+    """Of devices and namespaces; several threads plug computers in."""
 
     def namespace(self, what: str) -> str:
         """Return the namespace of a part."""
@@ -95,7 +101,7 @@ class PilotNetwork:
     @contextmanager
     def guest(self, router: Host, address: IPv4Address) -> Iterator[str]:
         """Plug a computer into a router's LAN; yield its namespace. Raises MachineError."""
-        namespace = self.add_host(router, f"h{self._count}", address)
+        namespace = self.add_host(router, self._device("h"), address)
         try:
             yield namespace
         finally:
@@ -134,35 +140,31 @@ class PilotNetwork:
 
     def _lay(self, relay: FrameRelay, host: Host, link: model.Link, replay: Replay | None) -> None:
         """Lay one link: to the router that serves it, else to the internet, through a unit with NAT."""
-        internet, server, shapes = self.namespace(_INTERNET), self._serving(link), link_shapes(link, replay)
+        server, shapes = self._serving(link), link_shapes(link, replay)
         near = (self.routers[host.name], self._device("l"))
-        far = (internet if server is None else self.routers[server[0].name], self._device("l"))
-        gateway = f"{link.gateway}/{link.network.prefixlen}"
-        if server is None and link.address != self.inventory.pilot.vpn.endpoint:  # no public address
-            near = (self._add_unit(host, link.name, gateway), "far")
-            gateway = self._backbone_address(0)
+        far = (self.namespace(_INTERNET) if server is None else self.routers[server[0].name], self._device("l"))
+        is_public = link.address == self.inventory.pilot.vpn.endpoint
+        if server is None and not is_public:
+            near = (self._add_unit(host, link), "far")
         self.links[host.site, link.name] = relay.add(near, far, shapes)
-        if near[1] == "far":
-            self._ip(near[0], f"address add {self._backbone_address(1)} dev far", "link set far up")
-            self._ip(near[0], f"route add default via {gateway.partition('/')[0]}")
-        else:
-            self._connect(host, link.name, near)
         if server is not None:
+            self._connect(host, link.name, near)
             self._connect(*server, far)
+        elif is_public:
+            self._connect(host, link.name, near)
+            self._ip(*_up(far, f"{link.gateway}/{link.network.prefixlen}"))
         else:
-            self._ip(far[0], f"address add {gateway} dev {far[1]}", f"link set {far[1]} up")
+            here, there = next(self._backbone)
+            self._ip(*_up(far, f"{here}/30"))
+            self._ip(*_up(near, f"{there}/30"), f"route add default via {here}")
 
-    def _add_unit(self, host: Host, link: str, address: str) -> str:
-        """Make a 4G unit or a terminal at a router's port, with its address there: what it forwards is translated."""
-        namespace = self._add(f"u{self._count}")
-        self._ip(self.routers[host.name], f"link set {plug_of(_port_of(host, link))} netns {namespace} name near")
-        self._ip(namespace, f"address add {address} dev near", "link set near up")
+    def _add_unit(self, host: Host, link: model.Link) -> str:
+        """Make a 4G unit or a terminal at a router's port, which is its next hop: what it forwards is translated."""
+        namespace = self._add(self._device("u"))
+        self._ip(self.routers[host.name], f"link set {plug_of(_port_of(host, link.name))} netns {namespace} name near")
+        self._ip(*_up((namespace, "near"), f"{link.gateway}/{link.network.prefixlen}"))
         self.run(namespace, "nft", "-f", "-", text=_TRANSLATION)
         return namespace
-
-    def _backbone_address(self, end: int) -> str:
-        """Return the address of one end of the newest link to the internet."""
-        return f"{_BACKBONE[4 * self._count + 1 + end]}/30"
 
     def _serving(self, link: model.Link) -> tuple[Host, str] | None:
         """Return the router at the far end of a link between sites, and what it calls the link."""
@@ -201,13 +203,18 @@ class PilotNetwork:
         return namespace
 
     def _device(self, kind: str) -> str:
-        self._count += 1
-        return f"{kind}{self._count}"
+        return f"{kind}{next(self._numbers)}"
 
     def _ip(self, namespace: str, *lines: str) -> None:
         result = hosts.output_of(("ip", "-n", namespace, "-batch", "-"), text="\n".join([*lines, ""]))
         if result.returncode:
             raise hosts.MachineError(f"{namespace}: {result.stderr.strip()}")
+
+
+def _up(end: tuple[str, str], address: str) -> tuple[str, str, str]:
+    """Return the namespace of a device, and the lines that give it an address and bring it up."""
+    namespace, device = end
+    return namespace, f"address add {address} dev {device}", f"link set {device} up"
 
 
 def _port_of(host: Host, link: str) -> str:

@@ -37,13 +37,15 @@ def main() -> None:
 def _run(request: dict[str, Any]) -> dict[str, Any]:
     """Run one module in a child of this process, so that it is compiled once; one that prints no result has failed."""
     module = importlib.import_module(f"atlantis.modules.{request['name']}")
-    with os.fdopen(os.memfd_create("request"), "w+b") as given, os.fdopen(os.memfd_create("answer"), "w+b") as output:
-        given.write(zlib.compress(json.dumps(request).encode()))
-        given.seek(0)
-        child = os.fork()
-        if child == 0:
-            _run_child(module.main, [given.fileno(), output.fileno(), os.open(os.devnull, os.O_WRONLY)])
-        os.waitpid(child, 0)
+    request_file, answer_file = os.memfd_create("request"), os.memfd_create("answer")
+    os.write(request_file, zlib.compress(json.dumps(request).encode()))
+    os.lseek(request_file, 0, os.SEEK_SET)
+    child = os.fork()
+    if child == 0:
+        _run_child(module.main, [request_file, answer_file, os.open(os.devnull, os.O_WRONLY)])
+    os.waitpid(child, 0)
+    os.close(request_file)
+    with os.fdopen(answer_file, "rb") as output:
         output.seek(0)
         lines = output.read().decode("utf-8", "replace").split("\n")
     text = next((line[len(MARK) :] for line in reversed(lines) if line.startswith(MARK)), None)
