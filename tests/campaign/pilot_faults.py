@@ -15,6 +15,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.x509.oid import NameOID
 
 from atlantis_netcfg.computers import reflector
+from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import plug_of
 from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.vpn import client, server
@@ -42,12 +43,13 @@ LINKS = (
 )
 GATEWAY_SILENT = {"scc/site/data-reaches-scc": "INCONCLUSIVE gateway-silent"}
 CENTRE_SILENT = {f"{site}/site/data-reaches-scc": "FAIL far-end-silent" for site in GATEWAYS}
-TE4SEA_ALONE = {
-    "te4sea/site/vpn": "FAIL server-silent",
-    "te4sea/site/data-reaches-scc": "FAIL far-end-silent",
-    **GATEWAY_SILENT,
-}
 NO_SERVER = {**{f"{site}/site/vpn": "FAIL.* server-silent" for site in COMPUTER}, **CENTRE_SILENT, **GATEWAY_SILENT}
+
+
+def alone(site: str) -> dict[str, str]:
+    """Return what turns if a site's computer reaches the VPN's server no more."""
+    silent = {f"{site}/site/vpn": "FAIL server-silent", f"{site}/site/data-reaches-scc": "FAIL far-end-silent"}
+    return {**silent, **GATEWAY_SILENT}
 
 
 def no_tunnel(site: str) -> dict[str, str]:
@@ -158,17 +160,28 @@ def restore_identity(name: str) -> Act:
 
 
 def switch_row(site: str, menu: str, verb: str, **values: str) -> Act:
-    """Disable or enable the row of a menu that has these values; connections that pass already begin anew."""
+    """Disable or enable the row of a menu that has these values; connections begin anew, except by a side chain."""
 
     def act(stand: PilotStand) -> None:
         wanted = {name.rstrip("_").replace("_", "-"): value for name, value in values.items()}
         (row,) = [row for row in stand.rows(site, menu) if wanted.items() <= row.items()]
         stand.console(site, f"{menu}/{verb}", f"=numbers={row['.id']}")
-        if menu.startswith("/ip/firewall"):
+        if menu.startswith("/ip/firewall") and "chain" not in values:
             stand.pilot.rehearsal.emulators.do(stand.router(site).name, "wait", seconds=1)
             stand.in_router(site, "conntrack", "-F")
         if menu == "/interface/ovpn-client":
             stand.pilot.tunnels[stand.router(site).name].refresh()
+
+    return act
+
+
+def in_turn(*acts: Act) -> Act:
+    return lambda stand: [act(stand) for act in acts]
+
+
+def wait_for_data(name: str) -> Act:
+    def act(stand: PilotStand) -> None:
+        hosts.wait(lambda: stand.has_data(name), 30, lambda: f"no data from {name}")
 
     return act
 
@@ -259,7 +272,7 @@ def _links() -> Iterator[Fault]:
         "te4sea/4g": ("satellite", r"PASS traffic leaves by satellite, because 4g is not up"),
     }
     for way, what in (("cut", cut), ("cable-out", unplug)):
-        yield Fault(f"scc-uplink-{way}", what("scc", "uplink"), TE4SEA_ALONE)
+        yield Fault(f"scc-uplink-{way}", what("scc", "uplink"), alone("te4sea"))
         for site, link in LINKS:
             after, words = moves.get(f"{site}/{link}", ("", ""))
             turns = {f"{site}/site/default-route": words} if after else {}
@@ -273,7 +286,6 @@ def _links() -> Iterator[Fault]:
     for site, link in (("coastal", "wifi-ptp"), ("te4sea", "4g")):
         after, words = moves[f"{site}/{link}"]
         yield Fault(f"{site}-{link}-late", delay(site, link, 2), {f"{site}/site/default-route": words}, (site, after))
-    yield Fault("scc-uplink-late", delay("scc", "uplink", 2), {"te4sea/site/data-reaches-scc": "FAIL late"})
     yield Fault(
         "scc-uplink-lossy",
         (shape("scc", "uplink", loss=0.5), shape("scc", "uplink", loss=-0.5)),
@@ -342,11 +354,6 @@ def _computers() -> Iterator[Fault]:
 def _routers() -> Iterator[Fault]:
     nat, rules = "/ip/firewall/nat", "/ip/firewall/filter"
     for site in GATEWAYS:
-        alone = {
-            f"{site}/site/vpn": "FAIL server-silent",
-            f"{site}/site/data-reaches-scc": "FAIL far-end-silent",
-            **GATEWAY_SILENT,
-        }
         yield Fault(
             f"{site}-tunnel-disabled",
             disable(site, "/interface/ovpn-client", comment="atlantis: VPN"),
@@ -357,10 +364,15 @@ def _routers() -> Iterator[Fault]:
             disable(site, rules, comment="atlantis: VPN server", chain="to-satellite"),
             {f"{site}/site/satellite-filter": "FAIL too-narrow"},
         )
-        yield Fault(f"{site}-translation-disabled", disable(site, nat, comment="atlantis: uplinks"), alone)
-        yield Fault(f"{site}-lan-disabled", disable(site, rules, comment="atlantis: LAN by the best link"), alone)
-    yield Fault("forward-disabled", disable("scc", nat, comment="atlantis: scc-vpn at uplink"), NO_SERVER)
-    yield Fault("forward-not-accepted", disable("scc", rules, comment="atlantis: forwarded to scc-vpn"), NO_SERVER)
+        yield Fault(f"{site}-translation-disabled", disable(site, nat, comment="atlantis: uplinks"), alone(site))
+        yield Fault(f"{site}-lan-disabled", disable(site, rules, comment="atlantis: LAN by the best link"), alone(site))
+    # What the server sends to a known member beyond the uplink opens the way back: only the bridge's side is cut off.
+    for name, menu, comment in (
+        ("forward", nat, "scc-vpn at uplink"),
+        ("forwarded-row", rules, "forwarded to scc-vpn"),
+    ):
+        strike, mend = disable("scc", menu, comment=f"atlantis: {comment}")
+        yield Fault(f"{name}-disabled", (in_turn(strike, wait_for_data("te4sea-gateway")), mend), alone("coastal"))
     yield Fault(
         "forward-from-lan-disabled",
         disable("scc", nat, comment="atlantis: scc-vpn from the LAN"),
