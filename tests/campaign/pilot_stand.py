@@ -222,7 +222,9 @@ class PilotStand:
 
 
 def _words(item: report.Item) -> str:
-    if item.id.endswith("/default-route"):  # it passes over whichever link is the best now, and names it
+    if (
+        item.id.endswith("/default-route") and item.verdict is Verdict.PASS
+    ):  # it passes over whichever link is the best now, and names it
         return f"{item.verdict} {item.message}"
     codes = sorted({finding.code for finding in item.findings if finding.verdict not in _GOOD})
     return " ".join([str(item.verdict), *codes])
