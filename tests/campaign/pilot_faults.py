@@ -18,7 +18,7 @@ from atlantis_netcfg.computers import reflector
 from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import plug_of
 from atlantis_netcfg.routeros.render import view
-from atlantis_netcfg.vpn import client, server
+from atlantis_netcfg.vpn import client, identity, server
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -41,6 +41,8 @@ LINKS = (
     ("te4sea", "4g"),
     ("te4sea", "satellite"),
 )
+MISSED_S = float(identity.TIMERS[identity.MemberLink.SATELLITE][1]) + 60
+"""After so long a gateway behind a satellite has missed a server that has forgotten it, and is connected again."""
 GATEWAY_SILENT = {"scc/site/data-reaches-scc": "INCONCLUSIVE gateway-silent"}
 CENTRE_SILENT = {f"{site}/site/data-reaches-scc": "FAIL far-end-silent" for site in GATEWAYS}
 NO_SERVER = {**{f"{site}/site/vpn": "FAIL.* server-silent" for site in COMPUTER}, **CENTRE_SILENT, **GATEWAY_SILENT}
@@ -395,7 +397,7 @@ def _power_and_cables() -> Iterator[Fault]:
         yield Fault(f"{site}-computer-cable-out", (computer_cable(name, "down"), computer_cable(name, "up")), turns)
         yield Fault(f"{site}-computer-off", (power(name, is_on=False), power(name, is_on=True)), turns)
     yield Fault("server-cable-out", (computer_cable(SERVER, "down"), computer_cable(SERVER, "up")), NO_SERVER)
-    yield Fault("server-off", (power(SERVER, is_on=False), power(SERVER, is_on=True)), NO_SERVER)
+    yield Fault("server-off", (power(SERVER, is_on=False), power(SERVER, is_on=True)), NO_SERVER, within_s=MISSED_S)
     yield Fault("time-servers-dead", (_time_servers("del"), _time_servers("add")))
 
 
