@@ -11,7 +11,7 @@ import pytest
 
 from atlantis_netcfg.operations.pilot_network.robot import RobotProcess, run_robots
 from atlantis_netcfg.vpn import client
-from campaign import pilot_faults, pilot_stand
+from campaign import pilot_acts, pilot_stand
 from campaign.pilot_faults import CENTRE, GATEWAYS, Fault
 from campaign.pilot_stand import PilotStand
 
@@ -57,10 +57,10 @@ def kill_robot(name: str) -> None:
 
 
 CASES = [
-    (Fault("coastal-client-stopped", pilot_faults.stop("coastal-gateway", client.SERVICE)), "coastal"),
-    (Fault("te4sea-client-stopped", pilot_faults.stop("te4sea-gateway", client.SERVICE)), "te4sea"),
-    (Fault("wifi-cut", pilot_faults.cut("coastal", "wifi-ptp"), over=("coastal", "4g")), None),
-    (Fault("4g-cut", pilot_faults.cut("te4sea", "4g"), over=("te4sea", "satellite")), "te4sea"),
+    (Fault("coastal-client-stopped", pilot_acts.stop("coastal-gateway", client.SERVICE)), "coastal"),
+    (Fault("te4sea-client-stopped", pilot_acts.stop("te4sea-gateway", client.SERVICE)), "te4sea"),
+    (Fault("wifi-cut", pilot_acts.cut("coastal", "wifi-ptp"), over=("coastal", "4g")), None),
+    (Fault("4g-cut", pilot_acts.cut("te4sea", "4g"), over=("te4sea", "satellite")), "te4sea"),
 ]
 """Each fault, and the site whose robot is not heard meanwhile: DDS is kept off the satellite."""
 
