@@ -14,7 +14,6 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.x509.oid import NameOID
 
-from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import plug_of
 from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.vpn import client
@@ -131,17 +130,6 @@ def switch_row(site: str, menu: str, verb: str, **values: str) -> Act:
             stand.in_router(site, "conntrack", "-F")
         if menu == "/interface/ovpn-client":
             stand.pilot.tunnels[stand.router(site).name].refresh()
-
-    return act
-
-
-def in_turn(*acts: Act) -> Act:
-    return lambda stand: [act(stand) for act in acts]
-
-
-def wait_for_data(name: str) -> Act:
-    def act(stand: PilotStand) -> None:
-        hosts.wait(lambda: stand.has_data(name), 30, lambda: f"no data from {name}")
 
     return act
 

@@ -170,15 +170,6 @@ def _routers() -> Iterator[Fault]:
         yield Fault(
             f"{site}-lan-disabled", acts.disable(site, rules, comment="atlantis: LAN by the best link"), alone(site)
         )
-    # What the server sends to a known member beyond the uplink opens the way back: only the bridge's side is cut off.
-    for name, menu, comment in (
-        ("forward", nat, "scc-vpn at uplink"),
-        ("forwarded-row", rules, "forwarded to scc-vpn"),
-    ):
-        strike, mend = acts.disable("scc", menu, comment=f"atlantis: {comment}")
-        yield Fault(
-            f"{name}-disabled", (acts.in_turn(strike, acts.wait_for_data("te4sea-gateway")), mend), alone("coastal")
-        )
 
 
 def _power_and_cables() -> Iterator[Fault]:
