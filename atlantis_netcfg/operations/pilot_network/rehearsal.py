@@ -47,6 +47,8 @@ class PilotRehearsal:
     """For the emulated devices."""
     silent: dict[str, str] = field(default_factory=dict)
     """Computers and routers whose tunnel is not up, and why."""
+    tunnels: dict[str, tunnel.RouterTunnels] = field(default_factory=dict)
+    """VPN clients of each router, by its host name."""
 
     @property
     def has_server(self) -> bool:
@@ -100,6 +102,7 @@ def _connect(pilot: PilotRehearsal, stack: ExitStack, folder: Path) -> None:
         clients = tunnel.RouterTunnels(do, pilot.network.routers[host.name], place)
         stack.callback(clients.close)
         clients.refresh()
+        pilot.tunnels[host.name] = clients
         waiting |= dict.fromkeys([host.name] if clients.tunnels else ())
     machines = [
         machine

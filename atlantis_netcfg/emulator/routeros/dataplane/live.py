@@ -39,6 +39,9 @@ _PADDING: Final = bytes(44)
 """Makes an echo request as long as that of `/ping`: an IP packet of 84 bytes."""
 _IP_PKTINFO: Final = 8
 """Names the sender of one packet (ip(7)); Python 3.11 has no name for it."""
+_SO_TIMESTAMPNS: Final = 35
+"""Lets the kernel say when each packet has come (socket(7)): it may lie here while other probes go on."""
+_TIMESTAMP: Final = struct.Struct("qq")
 _AT_MOST: Final = 2048
 _NTP_PORT: Final = 123
 _SNTP_REQUEST: Final = bytes([0x23]) + bytes(47)
@@ -76,7 +79,7 @@ class PacketProbe:
         """Return whether the response has come; wait for it `wait_s` or, by default, until its timeout."""
         if self.response is None:
             end = self.end if wait_s is None else min(self.end, time.monotonic() + wait_s)
-            if (arrival := self._wait(end)) is not None:
+            if (arrival := self._wait(end)) is not None and arrival[0] <= self.end:
                 self.response = arrival[0] - self.sent_at, arrival[1]
         return self.response is not None
 
@@ -93,6 +96,7 @@ class LiveNetwork:
         self._sockets = hosts.NamespaceSockets(name)
         self._echoes = self._sockets.socket(socket.SOCK_RAW, protocol=socket.IPPROTO_ICMP)
         self._echoes.setsockopt(*_ICMP_FILTER)
+        self._echoes.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         self._clock = self._sockets.socket(socket.SOCK_DGRAM)
         self._clock.setblocking(False)
         self._connections: dict[int, tuple[socket.socket, float]] = {}
@@ -152,9 +156,9 @@ class LiveNetwork:
         packet = packets.FlowPacket(IPv4Address(source or 0), target, "icmp", number, source_port=number)
         body = packet.encode()[packets.HEADER :] + _PADDING
         sender = [(socket.IPPROTO_IP, _IP_PKTINFO, struct.pack("=I4s4x", 0, IPv4Address(source or 0).packed))]
+        now = time.monotonic()
         with suppress(OSError):  # the filter drops it, or there is no route
             self._echoes.sendmsg([body], sender, 0, (str(target), 0))
-        now = time.monotonic()
         return PacketProbe(lambda end: self._wait_for_echo(number, end), now, now + timeout_s)
 
     def connect(self, target: IPv4Address, port: int, source: str | None, timeout_s: float) -> PacketProbe:
@@ -181,10 +185,12 @@ class LiveNetwork:
 
     def _wait_for_echo(self, number: int, end: float) -> tuple[float, int] | None:
         while number not in self._arrivals and _is_ready(self._echoes, end, is_reading=True):
-            data = self._echoes.recv(_AT_MOST)
+            data, ((_, _, stamp),), _, _ = self._echoes.recvmsg(_AT_MOST, socket.CMSG_SPACE(_TIMESTAMP.size))
             packet = packets.decode(data)
             if packet is not None and packet.source_port == packet.number:
-                self._arrivals[packet.number] = time.monotonic(), data[8]
+                seconds, nanoseconds = _TIMESTAMP.unpack(stamp)
+                waited_s = max(0.0, time.time() - seconds - nanoseconds / 1e9)
+                self._arrivals[packet.number] = time.monotonic() - waited_s, data[8]
         return self._arrivals.pop(number, None)
 
     def _wait_for_connection(self, number: int, end: float) -> tuple[float, int] | None:

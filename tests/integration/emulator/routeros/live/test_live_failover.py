@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from live_stage import PROBE_TARGETS, LiveStage, live_site
 
+from atlantis_netcfg.emulator.routeros.dataplane.live import PacketProbe
+
 pytestmark = [
     pytest.mark.namespace,
     pytest.mark.skipif(os.geteuid() != 0, reason="making a network namespace needs root"),
@@ -62,3 +64,10 @@ def test_check_gateway_leaves_a_next_hop_that_is_cut_off(stage: LiveStage) -> No
     stage.run("4g", *["ip", "link", "set", "near", "up"])
     stage.wait(15)
     assert stage.way_out(target) == "ether2"
+
+
+@pytest.mark.parametrize(("arrival_s", "is_response"), [(0.9, True), (4.1, False)])
+def test_answer_after_the_timeout_does_not_count_whenever_it_is_read(arrival_s: float, is_response: bool) -> None:  # noqa: FBT001 - a case
+    probe = PacketProbe(lambda _end: (arrival_s, 64), sent_at=0.0, end=1.0)
+    assert probe.has_response(0.0) is is_response
+    assert probe.response == ((arrival_s, 64) if is_response else None)
