@@ -27,6 +27,8 @@ _STEP_S: Final = 1.0
 """Emulated seconds between two looks at the route in use."""
 _MARGIN_S: Final = 11.0
 """What docs/links.md adds to the declared time: the interval of the probes, and the wait for the last answer."""
+_GATEWAY_CHECK_S: Final = 10.0
+"""After the cut of an unmetered link its next hop counts as alive at the next `check-gateway`, then probes are sent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,9 @@ def cut_links(pilot: PilotRehearsal, host: Host, visit: Callable[[str], None]) -
     links = pilot.inventory.sites[host.site].bearers
     result = LinkCuts()
     first = links[0]
-    follow_traffic(pilot, host, LinkMove("", first.name, _return_s(pilot, host, first)))
+    start = follow_traffic(pilot, host, LinkMove(msg("start"), first.name, _return_s(pilot, host, first)))
+    if not start.is_in_time:
+        result.moves.append(start)
     _visit(pilot, host, first, visit, result)
     for link, following in itertools.pairwise(links):
         pilot.network.links[host.site, link.name].is_up = False
@@ -138,4 +142,4 @@ def _leave_s(pilot: PilotRehearsal, host: Host, link: model.Link) -> float:
 
 def _return_s(pilot: PilotRehearsal, host: Host, link: model.Link) -> float:
     times = pilot.inventory.sites[host.site].failover
-    return times.fail_back_s + (times.metered_probe_s if link.metered else WATCH_S) + _MARGIN_S
+    return times.fail_back_s + (times.metered_probe_s if link.metered else WATCH_S + _GATEWAY_CHECK_S) + _MARGIN_S
