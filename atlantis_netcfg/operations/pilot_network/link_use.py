@@ -32,7 +32,7 @@ class LinkUses:
     @property
     def words(self) -> str:
         """One line for people about the moves that were as requested."""
-        return msg(f"it followed `provision links use` and returned: {arg(join(', ', map(str, self.moves)))}")
+        return msg(f"it followed each link chosen for a time, and returned: {arg(join(', ', map(str, self.moves)))}")
 
 
 def use_links(pilot: PilotRehearsal, host: Host) -> LinkUses:
@@ -44,7 +44,7 @@ def use_links(pilot: PilotRehearsal, host: Host) -> LinkUses:
     result = LinkUses()
     for link in reversed(others):
         if problem := _begin_use(pilot, host, link):
-            result.differences.append(msg(f"`provision links use` with {arg(link.name)}: {arg(problem)}"))
+            result.differences.append(msg(f"{arg(link.name)} chosen for a time: {arg(problem)}"))
             continue
         back = link_cuts.LinkMove(link.name, first.name, SHORTEST_S + TICK_S)
         for move, current in ((link_cuts.LinkMove(first.name, link.name, 0), link), (back, first)):

@@ -46,7 +46,7 @@ def test_only_linux_can_run_machines(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_missing_programs_are_reported_as_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     there = {"ip", "mount", "setpriv", "unshare", "nsenter", "git", "gpg"}
     monkeypatch.setattr(shutil, "which", lambda name: name if name in there else None)
-    assert why_not({}) == "missing: apt install mmdebstrap nftables systemd-container"
+    assert why_not({}) == "missing: apt install conntrack mmdebstrap nftables openvpn systemd-container"
 
 
 def test_missing_debian_keyring_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
