@@ -1,4 +1,4 @@
-"""What is tried while the sites of a rehearsal are pilot: cuts of links, data, TEST_ROBOT, then every checklist."""
+"""What is tried while the sites of a rehearsal are joined: cuts of links, data, TEST_ROBOT, then every checklist."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist.rehearsal import check_site
 from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.messages import arg, conjunction, join, msg
+from atlantis_netcfg.core.messages import arg, join, msg
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.pilot_network import link_cuts, link_use, robot
 from atlantis_netcfg.operations.pilot_network.allow_list import prove_allow_list
@@ -40,7 +40,7 @@ class _DataOverLinks:
     @property
     def words(self) -> str:
         """One line for people about what was as declared."""
-        parts = (msg(f"{arg(title)}: over {arg(conjunction(links))}") for title, links in self.titles.items())
+        parts = (msg(f"{arg(title)} (over {arg(join(', ', links))})") for title, links in self.titles.items())
         return msg(f"with packets: {arg(join('; ', parts))}")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -75,20 +76,23 @@ def _join_sites(session: CommandSession, emulators: Rehearsal, report: RunReport
     if not session.as_json:
         print(translate("Sites joined: links are cut one by one"), file=sys.stderr, flush=True)
     request = session.request(Mode.APPLY)
-    try:
-        with join_sites(session.inventory, hosts, emulators, request) as pilot:
-            fields = pilot_rehearsal.try_sites(pilot)
-    except lab.MachineError as error:
-        limit = msg(f"sites were not joined: {arg(str(error))}")
-        return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
-    limits = [] if pilot.has_server else [msg("data, TEST_ROBOT and checklists with packets: rehearse site=all")]
+    with ExitStack() as stack:
+        try:
+            pilot = stack.enter_context(join_sites(session.inventory, hosts, emulators, request))
+        except lab.MachineError as error:  # of this computer's kernel or programs, not of the sites
+            limit = msg(f"sites were not joined: {arg(str(error))}")
+            return replace(report, not_rehearsed=(*report.not_rehearsed, limit))
+        fields = pilot_rehearsal.try_sites(pilot)
+    limits = [line for each in fields.values() for line in each.get("checklist", {}).get("not_rehearsed", ())]
+    if not pilot.has_server:
+        limits.append(msg("data, TEST_ROBOT and checklists with packets: rehearse site=all"))
     return _with_fields(report, fields, limits)
 
 
 def _with_fields(report: RunReport, fields: Mapping[str, Mapping[str, Any]], limits: Sequence[str]) -> RunReport:
     """Add fields to the results of devices, and limits."""
     devices = {name: {**result, **fields.get(name, {})} for name, result in report.devices.items()}
-    return replace(report, devices=devices, not_rehearsed=(*report.not_rehearsed, *limits))
+    return replace(report, devices=devices, not_rehearsed=tuple(dict.fromkeys([*report.not_rehearsed, *limits])))
 
 
 def announce(session: CommandSession) -> None:
@@ -103,7 +107,7 @@ def announce(session: CommandSession) -> None:
 def _again(session: CommandSession, emulators: Rehearsal, first: RunReport) -> RunReport:
     """Run again until every device was reached over each link of its site. Ctrl-C ends it without passing."""
     passes: list[Pass] = []
-    rounds, requested = _rounds(session), {host.name for host in session.hosts}
+    rounds, host_names = _rounds(session), {host.name for host in session.hosts}
     for number, links in enumerate(rounds, 1):
         if not session.as_json:
             over = conjunction(dict.fromkeys(links.values()))
@@ -117,7 +121,7 @@ def _again(session: CommandSession, emulators: Rehearsal, first: RunReport) -> R
         part.narrow(list(links))
         again = part.perform(Mode.APPLY, via=via)
         for device, result in again.devices.items():
-            link_name = links.get(device if device in requested else result.get("other_end", ""))
+            link_name = links.get(device if device in host_names else result.get("other_end", ""))
             if link_name is not None:
                 passes.append(Pass(device, link_name, result))
         if again.stopped_by:

@@ -14,7 +14,8 @@ import selectors
 import struct
 import threading
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.emulator.lab import hosts
@@ -25,10 +26,11 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.udp_link import LinkShape
 
+ETHERNET: Final = 14
+"""Bytes of the Ethernet header; sizes on a link are those of IP packets, without it."""
+TUN, TAP = 0x1001, 0x1002
+"""Kinds of devices, for IP packets and for frames, without a header of their own (linux/if_tun.h)."""
 _TUNSETIFF: Final = 0x400454CA
-_TAP_WITHOUT_HEADER: Final = 0x1002
-_ETHERNET: Final = 14
-"""Bytes of the Ethernet header, which are not counted: sizes are those of IP packets."""
 _LONGEST: Final = 65_536
 _BURST: Final = 64
 """Frames read from one end before the others have their turn."""
@@ -67,7 +69,7 @@ class FrameRelay:
     def add(self, first: tuple[str, str], second: tuple[str, str], shapes: tuple[LinkShape, LinkShape]) -> FrameLink:
         """Make a link between two new TAP devices, each given as namespace and name; they are not up yet.
 
-        `shapes`: from the first end to the second, and back. Raises OSError.
+        `shapes`: from the first end to the second, and back. Raises MachineError.
         """
         near, far = (_open_tap(namespace, name) for namespace, name in (first, second))
         link = FrameLink((near, far), shapes, len(self._links))
@@ -112,20 +114,21 @@ class FrameRelay:
             if link.watch is not None and end == link.ends[0]:
                 link.watch(frame)
             if link.is_up:
-                for arrival in link.model(end).offer(len(frame) - _ETHERNET, time.monotonic() - self._begin):
+                for arrival in link.model(end).offer(len(frame) - ETHERNET, time.monotonic() - self._begin):
                     self._count += 1
                     heapq.heappush(self._air, (arrival, self._count, other, frame))
 
 
 def _open_tap(namespace: str, name: str) -> int:
-    inside = hosts.NamespaceSockets(namespace)
-    try:
-        return inside.call(_open_here, name)
-    finally:
-        inside.close()
+    with closing(hosts.NamespaceSockets(namespace)) as inside:
+        try:
+            return inside.call(partial(open_device, TAP), name)
+        except OSError as error:
+            raise hosts.MachineError(f"/dev/net/tun: {error.strerror}") from error
 
 
-def _open_here(name: str) -> int:
+def open_device(kind: int, name: str) -> int:
+    """Return the program's end of a TUN or TAP device of this thread's namespace. Raises OSError."""
     descriptor = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
-    fcntl.ioctl(descriptor, _TUNSETIFF, struct.pack("16sH", name.encode(), _TAP_WITHOUT_HEADER))
+    fcntl.ioctl(descriptor, _TUNSETIFF, struct.pack("16sH", name.encode(), kind))
     return descriptor

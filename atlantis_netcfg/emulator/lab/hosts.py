@@ -24,7 +24,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.emulator.lab import reaper, relay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from ipaddress import IPv4Interface
 
     from atlantis_netcfg.emulator.udp_link import LinkShape
@@ -188,6 +188,22 @@ def delete_namespace(name: str) -> None:
     """Delete a namespace with its links; open sockets keep it alive without a name."""
     if Path("/run/netns", name).exists():
         program("ip", "netns", "delete", name)
+
+
+def run_in_namespace(name: str, *words: str, text: str | None = None) -> str:
+    """Run a program in a namespace and return its output. Raises MachineError if it fails."""
+    result = output_of(("ip", "netns", "exec", name, *words), text=text)
+    if result.returncode:
+        raise MachineError(f"{' '.join(words)}: {result.stderr.strip() or f'ended with {result.returncode}'}")
+    return result.stdout
+
+
+def ip_batch(name: str, lines: Iterable[str], *, force: bool = False) -> None:
+    """Give lines to `ip` in a namespace. Raises MachineError for the first that fails, unless `force`."""
+    if text := "".join(f"{line}\n" for line in lines):
+        result = output_of(("ip", "-n", name, *(("-force",) if force else ()), "-batch", "-"), text=text)
+        if result.returncode and not force:
+            raise MachineError(f"{name}: {result.stderr.strip()}")
 
 
 def connect_veth(lab: str, bridge: str, port: str, machine: str, interface: str, mac: str) -> None:  # noqa: PLR0913, PLR0917 - two ends

@@ -418,7 +418,7 @@ def _netwatch(core: Core, item: StoredItem) -> dict[str, str]:
 
 def _packet_counter(path: str) -> Callable[[Core, StoredItem], dict[str, str]]:
     def count_packets(core: Core, item: StoredItem) -> dict[str, str]:
-        if core.live is None and path not in _MODELLED:
+        if core.live is None and path not in _COUNTING_MENUS:
             return {}
         packets, octets = core.met.get((path, item.id), (0, 0))
         return {"packets": str(packets), "bytes": str(octets)}
@@ -426,7 +426,7 @@ def _packet_counter(path: str) -> Callable[[Core, StoredItem], dict[str, str]]:
     return count_packets
 
 
-_MODELLED = ("/ip/firewall/filter", "/ip/firewall/mangle")
+_COUNTING_MENUS = ("/ip/firewall/filter", "/ip/firewall/mangle")
 """Menus whose rules count packets without a live data plane."""
 _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
     "/certificate": _certificate,

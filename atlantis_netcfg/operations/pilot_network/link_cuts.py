@@ -114,7 +114,7 @@ def _visit(pilot: PilotRehearsal, host: Host, link: model.Link, visit: Callable[
     result.problems += problems
     if not problems:
         summary = msg(f"{arg(link.name)} carried {arg(watch.counts.total())} packets, all of them allowed")
-        result.satellites.append(msg(f"{arg(summary)}, and none of {arg(attempts)} others"))
+        result.satellites.append(msg(f"{arg(summary)}, and let none of {arg(attempts)} forbidden ones through"))
 
 
 def link_in_use(pilot: PilotRehearsal, host: Host) -> str | None:

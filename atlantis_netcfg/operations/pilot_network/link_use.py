@@ -32,7 +32,7 @@ class LinkUses:
     @property
     def words(self) -> str:
         """One line for people about the moves that were as requested."""
-        return msg(f"it followed each link chosen for a time, and returned: {arg(join(', ', map(str, self.moves)))}")
+        return msg(f"moved on request, and back: {arg(join(', ', map(str, self.moves)))}")
 
 
 def use_links(pilot: PilotRehearsal, host: Host) -> LinkUses:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.messages import arg, msg
 from atlantis_netcfg.emulator.lab import hosts
+from atlantis_netcfg.emulator.lab.frame_link import ETHERNET
 from atlantis_netcfg.emulator.routeros.dataplane import packets
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Host, model
     from atlantis_netcfg.operations.pilot_network.network import PilotNetwork
 
-_ETHERNET: Final = 14
 _IPV4, _ARP = b"\x08\x00", b"\x08\x06"
 _FRAGMENT: Final = 0x1FFF
 """Of the 16 bits with flags and offset: the offset (RFC 791)."""
@@ -61,7 +61,7 @@ class LinkWatch:
 
     def see(self, frame: bytes) -> None:
         """Count a frame; ARP stays on the link."""
-        kind, packet = frame[_ETHERNET - 2 : _ETHERNET], frame[_ETHERNET:]
+        kind, packet = frame[ETHERNET - 2 : ETHERNET], frame[ETHERNET:]
         if kind == _ARP:
             return
         if kind != _IPV4:

@@ -71,10 +71,7 @@ class PilotNetwork:
 
     def run(self, namespace: str, *words: str, text: str | None = None) -> str:
         """Run a program in a namespace and return its output. Raises MachineError."""
-        result = hosts.output_of(("ip", "netns", "exec", namespace, *words), text=text)
-        if result.returncode:
-            raise hosts.MachineError(f"{' '.join(words)}: {result.stderr.strip() or result.returncode}")
-        return result.stdout
+        return hosts.run_in_namespace(namespace, *words, text=text)
 
     def plug_in(self, machine: lab.Machine, router: Host) -> None:
         """Plug a machine's cable into the LAN of its site's router until the end. Raises MachineError."""
@@ -88,14 +85,14 @@ class PilotNetwork:
         """Plug a new computer into a router's LAN; return its namespace. Raises MachineError."""
         namespace, lan = self._add(name), self.inventory.sites[router.site].lan
         port = self._device("h")
-        self._ip(
+        _ip(
             namespace,
             f"link add eth0 type veth peer name {port} netns {self.routers[router.name]}",
             f"address add {address}/{lan.network.prefixlen} dev eth0",
             "link set eth0 up",
         )
-        self._ip(self.routers[router.name], f"link set {port} master {self._lan_bridge(router)}", f"link set {port} up")
-        self._ip(namespace, f"route add default via {lan.gateway}")
+        _ip(self.routers[router.name], f"link set {port} master {self._lan_bridge(router)}", f"link set {port} up")
+        _ip(namespace, f"route add default via {lan.gateway}")
         return namespace
 
     @contextmanager
@@ -114,7 +111,7 @@ class PilotNetwork:
         relay = FrameRelay()
         self._stack.callback(relay.close)
         internet = self._add(_INTERNET)
-        self._ip(internet, *(f"address add {address}/32 dev lo" for address in self.servers))
+        _ip(internet, *(f"address add {address}/32 dev lo" for address in self.servers))
         for host in routers:
             self.routers[host.name] = self._add(f"r{len(self.routers)}", forwards=False)
             attach(host, self.routers[host.name])
@@ -152,17 +149,17 @@ class PilotNetwork:
             self._connect(*server, far)
         elif is_public:
             self._connect(host, link.name, near)
-            self._ip(*_up(far, f"{link.gateway}/{link.network.prefixlen}"))
+            _ip(*_up(far, f"{link.gateway}/{link.network.prefixlen}"))
         else:
             here, there = next(self._backbone)
-            self._ip(*_up(far, f"{here}/30"))
-            self._ip(*_up(near, f"{there}/30"), f"route add default via {here}")
+            _ip(*_up(far, f"{here}/30"))
+            _ip(*_up(near, f"{there}/30"), f"route add default via {here}")
 
     def _add_unit(self, host: Host, link: model.Link) -> str:
         """Make a 4G unit or a terminal at a router's port, which is its next hop: what it forwards is translated."""
         namespace = self._add(self._device("u"))
-        self._ip(self.routers[host.name], f"link set {plug_of(_port_of(host, link.name))} netns {namespace} name near")
-        self._ip(*_up((namespace, "near"), f"{link.gateway}/{link.network.prefixlen}"))
+        _ip(self.routers[host.name], f"link set {plug_of(_port_of(host, link.name))} netns {namespace} name near")
+        _ip(*_up((namespace, "near"), f"{link.gateway}/{link.network.prefixlen}"))
         self.run(namespace, "nft", "-f", "-", text=_TRANSLATION)
         return namespace
 
@@ -170,16 +167,16 @@ class PilotNetwork:
         """Return the router at the far end of a link between sites, and what it calls the link."""
         for name in self.routers:
             host = self.inventory.hosts[name]
-            for served in self.inventory.sites[host.site].served_links:
-                if served.network == link.network:
-                    return host, served.name
+            for served_link in self.inventory.sites[host.site].served_links:
+                if served_link.network == link.network:
+                    return host, served_link.name
         return None
 
     def _connect(self, host: Host, link: str, end: tuple[str, str]) -> None:
         """Put the end of a link into the socket of a router's port."""
         namespace, device = end
         port, bridge = _port_of(host, link), self._device("b")
-        self._ip(
+        _ip(
             namespace,
             f"link add {bridge} type bridge mcast_snooping 0",
             f"link set {plug_of(port)} master {bridge}",
@@ -205,10 +202,9 @@ class PilotNetwork:
     def _device(self, kind: str) -> str:
         return f"{kind}{next(self._numbers)}"
 
-    def _ip(self, namespace: str, *lines: str) -> None:
-        result = hosts.output_of(("ip", "-n", namespace, "-batch", "-"), text="\n".join([*lines, ""]))
-        if result.returncode:
-            raise hosts.MachineError(f"{namespace}: {result.stderr.strip()}")
+
+def _ip(namespace: str, *lines: str) -> None:
+    hosts.ip_batch(namespace, lines)
 
 
 def _up(end: tuple[str, str], address: str) -> tuple[str, str, str]:

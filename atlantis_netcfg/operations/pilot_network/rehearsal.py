@@ -1,4 +1,4 @@
-"""A rehearsal whose sites are pilot: computers are plugged in behind their routers, and the tunnels of all are up."""
+"""A rehearsal whose sites are joined: computers are plugged in behind their routers, and the tunnels of all are up."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.messages import arg, msg
+from atlantis_netcfg.emulator.lab import hosts as lab_hosts
 from atlantis_netcfg.emulator.routeros.dataplane import tunnel
 from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.common.session_link import LAN
@@ -37,7 +38,7 @@ _POLL_S: Final = 0.2
 
 @dataclass
 class PilotRehearsal:
-    """What runs while the sites are pilot."""
+    """What runs while the sites are joined."""
 
     inventory: Inventory
     rehearsal: Rehearsal
@@ -74,7 +75,7 @@ def join_sites(
         rehearsal.relink(inventory, host, LAN.name)  # the technician is there; the sites' own links are real packets
     if inventory.pilot.vpn.server in rehearsal.computers.machines:
         enrol_routers(inventory, rehearsal, routers, request)
-    request = request.model_copy(update={**rehearsal.request_fields, "rehearsed": True, "accept_cost": True})
+    request = request.model_copy(update={"accept_cost": True})
     with ExitStack() as stack, temporary.folder("tunnels") as folder:
 
         def attach(host: Host, namespace: str | None) -> None:
@@ -94,40 +95,38 @@ def join_sites(
 
 def _connect(pilot: PilotRehearsal, stack: ExitStack, folder: Path) -> None:
     """Start the routers' clients, let those of the computers try again, and wait for the tunnels of all."""
-    waiting: dict[str, lab.Machine | None] = {}
+    end = time.monotonic() + _UP_S
     for host in pilot.routers:
         place = folder / host.name
         place.mkdir(mode=0o700)
         do = partial(pilot.rehearsal.emulators.do, host.name)
-        clients = tunnel.RouterTunnels(do, pilot.network.routers[host.name], place)
+        clients = pilot.tunnels[host.name] = tunnel.RouterTunnels(do, pilot.network.routers[host.name], place)
         stack.callback(clients.close)
         clients.refresh()
-        pilot.tunnels[host.name] = clients
-        waiting |= dict.fromkeys([host.name] if clients.tunnels else ())
     machines = [
         machine
         for name, machine in pilot.rehearsal.computers.machines.items()
         if _is_client(pilot.inventory.hosts[name])
     ]
     with ThreadPoolExecutor(max(1, len(machines))) as pool:
-        list(pool.map(lambda machine: machine.run(shlex.join(("systemctl", "restart", SERVICE))), machines))
-    waiting |= {machine.name: machine for machine in machines}
-    end = time.monotonic() + _UP_S
-    while waiting and time.monotonic() < end:
-        waiting = {name: machine for name, machine in waiting.items() if not _is_up(pilot, name, machine)}
-        time.sleep(_POLL_S)
-    pilot.silent |= dict.fromkeys(waiting, msg(f"no tunnel to the VPN within {arg(_UP_S):g} s"))
+        results = list(pool.map(lambda machine: _reconnect(machine, end), machines))
+    silent = [machine.name for machine, is_up in zip(machines, results, strict=True) if not is_up]
+    for name, clients in pilot.tunnels.items():
+        if not all(client.wait(max(0.0, end - time.monotonic())) for client in clients.tunnels.values()):
+            silent.append(name)
+    pilot.silent |= dict.fromkeys(silent, msg(f"no tunnel to the VPN within {arg(_UP_S):g} s"))
 
 
 def _is_client(host: Host) -> bool:
     return isinstance(host.device, model.ServerComputer) and host.device.vpn_address is not None
 
 
-def _is_up(pilot: PilotRehearsal, name: str, machine: lab.Machine | None) -> bool:
-    if machine is None:
-        interfaces = pilot.rehearsal.emulators.do(name, "network")["tunnels"]
-        namespace, devices = pilot.network.routers[name], list(interfaces)
-    else:
-        namespace, devices = machine.namespace, [_TUNNEL]
-    rows = json.loads(pilot.network.run(namespace, "ip", "-j", "-4", "address", "show"))
-    return all(any(row["ifname"] == device and row["addr_info"] for row in rows) for device in devices)
+def _reconnect(machine: lab.Machine, end: float) -> bool:
+    """Restart a computer's VPN client; return whether its tunnel has an address before `end` (monotonic)."""
+    machine.run(shlex.join(("systemctl", "restart", SERVICE)))
+    while time.monotonic() < end:
+        rows = json.loads(lab_hosts.run_in_namespace(machine.namespace, "ip", "-j", "-4", "address", "show"))
+        if any(row["ifname"] == _TUNNEL and row["addr_info"] for row in rows):
+            return True
+        time.sleep(_POLL_S)
+    return False

@@ -104,8 +104,8 @@ def _main(role: str, place: dict[str, Any]) -> None:
 
 
 def _say(publisher: network.Publisher, types: message_types.MessageTypes, topic: str, host: str) -> None:
-    message: Any = types.idl(listener.CONFIGURATION_TYPE)
-    message = message(data=f"{_MARK}{host}\n")
+    kind: Any = types.idl(listener.CONFIGURATION_TYPE)
+    message = kind(data=f"{_MARK}{host}\n")
     while True:
         publisher.publish(topic, listener.CONFIGURATION_TYPE, message)
         time.sleep(_PERIOD_S)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import select
 import socket
-import struct
 import time
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.emulator.lab import hosts
+from atlantis_netcfg.emulator.lab import frame_link, hosts
 from atlantis_netcfg.emulator.routeros.dataplane import packets
 from atlantis_netcfg.emulator.routeros.dataplane.namespace import plug_of
 
@@ -26,11 +25,7 @@ if TYPE_CHECKING:
 
 ROUTER: Final = "router"
 """Where a packet arrives that is for the router itself, and where its own packets begin."""
-_ETHERNET: Final = 14
-"""Bytes of the header."""
 _ETHERTYPE_IP: Final = 0x0800
-_TUNSETIFF: Final = 0x400454CA
-_TUN_WITHOUT_HEADER: Final = 0x1001
 _AT_MOST: Final = 65_536
 _BURST: Final = 64
 """Packets that are sent before what has come out is read: no buffer overflows."""
@@ -85,7 +80,7 @@ class PacketBench:
             for port in router.ports:
                 self._plugs[port] = self._open_plug(port)
             for name in router.tunnels:
-                self._tunnels[name] = self._inside.call(_open_tunnel, name)
+                self._tunnels[name] = self._inside.call(partial(frame_link.open_device, frame_link.TUN), name)
             self._introduce(neighbours)
             router.run("nft", "-f", "-", text=_ARRIVALS)
             stack.pop_all()
@@ -136,7 +131,7 @@ class PacketBench:
                 port = readers[descriptor]
                 with contextlib.suppress(BlockingIOError):
                     data = os.read(descriptor, _AT_MOST)
-                    packet = packets.decode(data if port in self._tunnels else data[_ETHERNET:])
+                    packet = packets.decode(data if port in self._tunnels else data[frame_link.ETHERNET :])
                     if packet is not None:
                         arrivals[packet.number].append((port, packet))
 
@@ -172,10 +167,3 @@ class PacketBench:
                 self._router.run(*words.split())
             if on != port:
                 self._router.run(*f"bridge fdb replace {far.hex(':')} dev {port} master static".split())
-
-
-def _open_tunnel(name: str) -> int:
-    """Return the end of a tunnel at which a VPN program would read and write IP packets."""
-    descriptor = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
-    fcntl.ioctl(descriptor, _TUNSETIFF, struct.pack("16sH", name.encode(), _TUN_WITHOUT_HEADER))
-    return descriptor

@@ -64,10 +64,7 @@ class RouterNamespace:
 
     def run(self, *words: str, text: str | None = None) -> str:
         """Run a program in the namespace and return its output. Raises MachineError."""
-        result = hosts.output_of(("ip", "netns", "exec", self.name, *words), text=text)
-        if result.returncode:
-            raise hosts.MachineError(f"{' '.join(words)}: {result.stderr.strip() or f'ended with {result.returncode}'}")
-        return result.stdout
+        return hosts.run_in_namespace(self.name, *words, text=text)
 
     def _take_over(self, state: NetworkState) -> None:
         """Keep devices of an earlier router with their cables, without what hangs on them."""
@@ -91,11 +88,7 @@ class RouterNamespace:
         self.run("sysctl", "-qw", *settings)
 
     def _ip(self, lines: Iterable[str], *, force: bool = False) -> None:
-        text = "".join(f"{line}\n" for line in lines)
-        if text:
-            result = hosts.output_of(("ip", "-n", self.name, *(("-force",) if force else ()), "-batch", "-"), text=text)
-            if result.returncode and not force:
-                raise hosts.MachineError(f"{self.name}: {result.stderr.strip()}")
+        hosts.ip_batch(self.name, lines, force=force)
 
 
 def _removals(old: NetworkState, new: NetworkState) -> list[str]:
